@@ -1,0 +1,1 @@
+"""The camera synthesiser: road and traffic in, 320x240 grey frames out."""

@@ -1,0 +1,1 @@
+"""What runs in the vehicle: lane detection, observers, trackers, prediction and warnings."""

@@ -1,0 +1,1 @@
+"""Lane detection: the published genetic parabola search, and its refinement on the ground plane."""

@@ -1,0 +1,32 @@
+"""What lane detection hands on: borders in the image, and the lane in the vehicle frame."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+Array = np.ndarray[Any, Any]
+
+
+class Borders(NamedTuple):
+    """The two borders of the ego lane in the image, x = a·y² + b·y + c (eq. 1), for n vehicles."""
+
+    left: Array  # (n, 3) a, b, c
+    right: Array  # (n, 3)
+    score: Array  # (n, 2) objective F of left and right (eqs. 2, 3)
+
+
+class LaneEstimate(NamedTuple):
+    """The ego lane as a camera knows it, (n,) each. Left positive; NaN where `locked` is False."""
+
+    locked: Array  # bool
+    score: Array  # 0 (nothing seen) to 1 (every expected marking point found)
+    lateral_offset_m: Array  # vehicle's centre of gravity left of the lane centre
+    heading_error_rad: Array  # vehicle heading minus lane heading, at the centre of gravity
+    curvature_1pm: Array  # lane curvature at the preview point, K_L
+    curvature_rate_1pm2: Array  # its change along the lane (0 in paper mode)
+    lane_width_m: Array
+    preview_offset_m: Array  # y_L: lane centre left of the vehicle's axis at the preview distance
+    preview_heading_rad: Array  # e_L: lane heading minus vehicle heading there
+    left_border_seen: Array  # bool: measured in this frame, not only carried on by the model
+    right_border_seen: Array  # bool
+    lane_shift: Array  # int8: +1 the estimate moved to the lane on the left since the last step, -1 right

@@ -1,0 +1,1 @@
+"""Radar tracking: Kalman filters, IMM, the adaptive filter, association, motion classes."""

@@ -1,0 +1,1 @@
+"""Time to lane crossing, lane-departure warning, rear-end collision warning."""

@@ -1,0 +1,1 @@
+"""The radar synthesiser: traffic and roadside objects in, radar scans out."""

@@ -1,0 +1,80 @@
+"""Settings: frozen dataclasses checked on construction and read from TOML.
+
+`@settings` makes a pydantic dataclass that is frozen and refuses unknown keys. `read` turns a mapping into
+one and, where that fails, says in one line a finding which key it is, what was given and what is allowed;
+for an unknown key it names the nearest known one.
+"""
+
+import dataclasses
+import difflib
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar, dataclass_transform
+
+import pydantic
+import pydantic.dataclasses
+
+T = TypeVar("T")
+
+_CONFIG = pydantic.ConfigDict(extra="forbid", arbitrary_types_allowed=False, allow_inf_nan=False)
+
+
+class SettingsError(ValueError):
+    """What a user's settings got wrong, a finding a line."""
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(pydantic.Field,))
+def settings(cls: type[T]) -> type[T]:
+    """Class decorator: a frozen, keyword-only dataclass, checked on construction, unknown keys refused."""
+    decorate: Callable[[type[T]], Any] = pydantic.dataclasses.dataclass(
+        frozen=True, kw_only=True, config=_CONFIG
+    )
+    made: type[T] = decorate(cls)
+    return made
+
+
+def read(cls: type[T], mapping: Mapping[str, Any], source: str) -> T:
+    """Build `cls` from a (nested) mapping.
+
+    Raises SettingsError that names `source`, the dotted key, the value and what is allowed.
+    """
+    try:
+        return pydantic.TypeAdapter(cls).validate_python(dict(mapping))
+    except pydantic.ValidationError as error:
+        lines = [_finding(cls, finding) for finding in error.errors(include_url=False)]
+        raise SettingsError("\n".join(f"{source}: {line}" for line in lines)) from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The mapping in a TOML file. Raises SettingsError where it cannot be read or is not TOML."""
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except FileNotFoundError:
+        raise SettingsError(f"{path}: no such file") from None
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: is not valid TOML: {error}") from None
+
+
+def _finding(cls: Any, finding: Any) -> str:
+    location = [str(part) for part in finding["loc"]]
+    key = ".".join(location)
+    if finding["type"] == "unexpected_keyword_argument":
+        known = _fields_at(cls, location[:-1])
+        near = difflib.get_close_matches(location[-1], known, n=1, cutoff=0.5)
+        hint = f"did you mean '{near[0]}'?" if near else f"known are: {', '.join(sorted(known))}"
+        return f"unknown key '{key}': {hint}"
+    message = finding["msg"].removeprefix("Value error, ")
+    if not location:
+        return str(message)
+    return f"{key} = {finding['input']!r}: {message[:1].lower()}{message[1:]}"
+
+
+def _fields_at(cls: Any, path: list[str]) -> list[str]:
+    for part in path:
+        types = {field.name: field.type for field in dataclasses.fields(cls)}
+        cls = types.get(part, cls)
+    return [field.name for field in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
