@@ -24,7 +24,7 @@ class SettingsError(ValueError):
     """What a user's settings got wrong, a finding a line."""
 
 
-@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(pydantic.Field,))
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 def settings(cls: type[T]) -> type[T]:
     """Class decorator: a frozen, keyword-only dataclass, checked on construction, unknown keys refused."""
     decorate: Callable[[type[T]], Any] = pydantic.dataclasses.dataclass(

@@ -1,0 +1,175 @@
+"""Tables on disk or in memory: chunks of columns in, CSV and Parquet files or pandas tables out."""
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from plugin.schema import TABLES, Column
+
+FORMATS = ("csv", "parquet")
+_ARROW = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": pa.string()}
+
+
+class Recorder:
+    """Collects the chunks of every table and writes them as they come, so that memory stays flat.
+
+    Parameters
+    ----------
+    run_id : written to every row.
+    directory : where the files go; None keeps the tables in memory.
+    formats : any of "csv", "parquet".
+    tables : the schema, by default that of `plugin.schema`.
+    """
+
+    def __init__(
+        self,
+        run_id: str,
+        directory: Path | None = None,
+        formats: Iterable[str] = ("csv",),
+        tables: Mapping[str, tuple[Column, ...]] = TABLES,
+    ) -> None:
+        self.run_id = run_id
+        self.directory = directory
+        self._schema = tables
+        self._memory: dict[str, list[pa.Table]] = {name: [] for name in tables}
+        self._writers: dict[str, list[_CsvFile | _ParquetFile]] = {name: [] for name in tables}
+        if directory is not None:
+            directory.mkdir(parents=True, exist_ok=True)
+            for name, columns in tables.items():
+                schema = _arrow_schema(columns)
+                if "csv" in formats:
+                    self._writers[name].append(_CsvFile(directory / f"{name}.csv", schema))
+                if "parquet" in formats:
+                    self._writers[name].append(_ParquetFile(directory / f"{name}.parquet", schema))
+
+    def append(self, name: str, columns: Mapping[str, Any]) -> None:
+        """Add rows to table `name`; `columns` maps column names to equally long arrays.
+
+        A column that is missing is left empty. NaN in a float column is written as empty.
+        """
+        table = self._to_arrow(name, columns)
+        if table.num_rows == 0:
+            return
+        if self.directory is None:
+            self._memory[name].append(table)
+        for writer in self._writers[name]:
+            writer.write(table)
+
+    def table(self, name: str) -> pd.DataFrame:
+        """What has been recorded of one table so far."""
+        schema = _arrow_schema(self._schema[name])
+        if self.directory is None:
+            return to_pandas(pa.concat_tables([schema.empty_table(), *self._memory[name]]))
+        for writer in self._writers[name]:
+            writer.flush()
+        return read_table(self.directory, name)
+
+    def close(self) -> None:
+        """Finish the files; safe to call twice."""
+        for writers in self._writers.values():
+            for writer in writers:
+                writer.close()
+
+    def _to_arrow(self, name: str, columns: Mapping[str, Any]) -> pa.Table:
+        specification = self._schema[name]
+        unknown = set(columns) - {column.name for column in specification}
+        if unknown:
+            raise KeyError(f"table '{name}' has no column {sorted(unknown)}")
+        rows = len(next(iter(columns.values())))
+        arrays = []
+        for column in specification:
+            if column.name == "run_id":
+                arrays.append(pa.repeat(pa.scalar(self.run_id), rows))
+            elif column.name not in columns:
+                arrays.append(pa.nulls(rows, _ARROW[column.kind]))
+            else:
+                arrays.append(_to_array(column, columns[column.name]))
+        return pa.Table.from_arrays(arrays, schema=_arrow_schema(specification))
+
+
+def read_table(directory: Path, name: str) -> pd.DataFrame:
+    """One table of a finished or interrupted run, from Parquet where it is whole, else from CSV.
+
+    Raises FileNotFoundError where the directory holds neither.
+    """
+    parquet, csv = directory / f"{name}.parquet", directory / f"{name}.csv"
+    if csv.exists():
+        schema = _arrow_schema(TABLES[name])
+        options = pa.csv.ConvertOptions(
+            column_types={field.name: field.type for field in schema}, strings_can_be_null=True
+        )
+        if csv.stat().st_size == 0:
+            return to_pandas(schema.empty_table())
+        return to_pandas(pa.csv.read_csv(csv, convert_options=options))
+    if parquet.exists():
+        return to_pandas(pa.parquet.read_table(parquet))
+    raise FileNotFoundError(f"{directory}: holds no table '{name}' ({csv.name} or {parquet.name})")
+
+
+def to_pandas(table: pa.Table) -> pd.DataFrame:
+    """A DataFrame in which empty cells are pandas' own missing value also for booleans and text."""
+    return table.to_pandas(types_mapper={pa.bool_(): pd.BooleanDtype()}.get)
+
+
+class _CsvFile:
+    def __init__(self, path: Path, schema: pa.Schema) -> None:
+        self._file = path.open("wb")
+        self._file.write((",".join(schema.names) + "\n").encode())
+        self._options = pa.csv.WriteOptions(include_header=False, quoting_style="needed")
+
+    def write(self, table: pa.Table) -> None:
+        pa.csv.write_csv(table, self._file, self._options)
+        self._file.flush()
+
+    def flush(self) -> None:
+        if not self._file.closed:
+            self._file.flush()
+
+    def close(self) -> None:
+        if not self._file.closed:
+            self._file.flush()
+            os.fsync(self._file.fileno())
+            self._file.close()
+
+
+class _ParquetFile:
+    """Rows go into `NAME.parquet.part`, which gets its name when its footer is written."""
+
+    def __init__(self, path: Path, schema: pa.Schema) -> None:
+        self._path, self._part = path, path.with_name(path.name + ".part")
+        self._writer = pa.parquet.ParquetWriter(self._part, schema, compression="zstd")
+        self._open = True
+
+    def write(self, table: pa.Table) -> None:
+        self._writer.write_table(table)
+
+    def flush(self) -> None:
+        pass
+
+    def close(self) -> None:
+        if self._open:
+            self._open = False
+            self._writer.close()
+            self._part.replace(self._path)
+
+
+def _arrow_schema(columns: tuple[Column, ...]) -> pa.Schema:
+    return pa.schema([(column.name, _ARROW[column.kind]) for column in columns])
+
+
+def _to_array(column: Column, values: Any) -> pa.Array:
+    if column.kind == "float":
+        rounded = np.round(np.asarray(values, dtype=np.float64), column.decimals) + 0.0  # no "-0"
+        return pa.array(rounded, mask=~np.isfinite(rounded))
+    if isinstance(values, pa.Array):
+        return values
+    if isinstance(values, np.ma.MaskedArray):
+        return pa.array(values.data, type=_ARROW[column.kind], mask=np.ma.getmaskarray(values))
+    return pa.array(values, type=_ARROW[column.kind])

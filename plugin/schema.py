@@ -1,0 +1,121 @@
+"""The tables' columns: names with units, types, decimals written, and what they mean.
+
+Later columns may be added; those that stand keep name and meaning. Empty means not applicable, never 0.
+"""
+
+from typing import NamedTuple
+
+
+class Column(NamedTuple):
+    """One column. `kind` is float, int, bool or text; floats are rounded to `decimals`."""
+
+    name: str
+    description: str
+    kind: str = "float"
+    decimals: int = 4
+
+
+def _text(name: str, description: str) -> Column:
+    return Column(name, description, "text")
+
+
+def _flag(name: str, description: str) -> Column:
+    return Column(name, description, "bool")
+
+
+_RUN = _text("run_id", "the run: scenario and seed")
+_VEHICLE = _text("vehicle_id", "SUMO's id of the equipped vehicle")
+_TIME = Column("time_s", "SUMO time", decimals=2)
+
+TABLES: dict[str, tuple[Column, ...]] = {
+    "steps": (
+        _RUN,
+        _TIME,
+        _VEHICLE,
+        _text("lane_id", "SUMO's lane"),
+        Column("speed_mps", "speed", decimals=3),
+        Column("true_lateral_offset_m", "centre of gravity left of the centre of the marked lane it is in"),
+        Column("true_heading_error_rad", "vehicle heading minus lane heading, left positive", decimals=6),
+        Column("true_curvature_1pm", "lane curvature at the centre of gravity, left positive", decimals=7),
+        Column("true_lateral_speed_mps", "v_y of the centre of gravity in the vehicle frame", decimals=5),
+        Column("true_yaw_rate_rps", "yaw rate", decimals=6),
+        Column("true_steer_rad", "front-wheel steer angle", decimals=6),
+        Column(
+            "true_tlc_s",
+            "time to lane crossing on the path then driven; 0 while a wheel is outside",
+            decimals=3,
+        ),
+        Column("true_cause", "what the driver does: see `cause` of departures", "text"),
+        _flag("lane_locked", "the camera sees the lane"),
+        Column(
+            "left_a", "left border x = a·y² + b·y + c in the 320x240 image, y up from the bottom", decimals=7
+        ),
+        Column("left_b", "", decimals=5),
+        Column("left_c", "", decimals=3),
+        Column("right_a", "right border", decimals=7),
+        Column("right_b", "", decimals=5),
+        Column("right_c", "", decimals=3),
+        Column("lane_score", "0 (nothing seen) to 1"),
+        Column("lateral_offset_m", "estimate of true_lateral_offset_m"),
+        Column("heading_error_rad", "estimate of true_heading_error_rad", decimals=6),
+        Column("curvature_1pm", "estimate of the lane's curvature at the preview point", decimals=7),
+        Column("lane_width_m", "estimate of the lane width"),
+        Column("lateral_speed_mps", "estimate of v_y", decimals=5),
+        Column("yaw_rate_rps", "estimate of the yaw rate", decimals=6),
+        Column("steer_rad", "estimate of the front-wheel steer angle", decimals=6),
+        Column("tlc_s", "time to lane crossing on the predicted path; empty beyond the horizon", decimals=3),
+        _text("tlc_side", "left or right"),
+        Column("tlc_constant_velocity_s", "the same with constant lateral velocity (baseline)", decimals=3),
+        Column("tlc_constant_radius_s", "the same with constant turn radius (baseline)", decimals=3),
+        Column(
+            "tlc_true_state_s",
+            "the same predictor fed with the true state (the driver's own floor)",
+            decimals=3,
+        ),
+        _flag("ldw_active", "a lane-departure warning is given"),
+        _text("ldw_state", "inactive, ready, warning_left, warning_right, suppressed, lane_not_seen"),
+        Column("true_preview_curvature_1pm", "lane curvature at the preview point", decimals=7),
+        _flag("on_marked_road", "truth: the lane has a painted marking on both sides"),
+        _flag("recognised", "both borders within 5 px/cosθ on 85 % of the rows where the marking shows"),
+        _flag("paper_recognised", "the same for the published search, where it runs beside"),
+    ),
+    "predictions": (
+        _RUN,
+        _TIME,
+        _VEHICLE,
+        Column("horizon_s", "how far ahead", decimals=2),
+        Column("lateral_error_m", "predicted minus driven position, across the driven path, left positive"),
+        Column("longitudinal_error_m", "along it"),
+        Column("heading_error_rad", "predicted minus driven heading", decimals=6),
+        Column("constant_velocity_lateral_error_m", "baseline: constant lateral velocity"),
+        Column("constant_radius_lateral_error_m", "baseline: constant turn radius"),
+        Column("true_state_lateral_error_m", "the same predictor fed with the true state"),
+    ),
+    "warnings": (
+        _RUN,
+        _VEHICLE,
+        _text("kind", "ldw or fcw"),
+        _text("level", "ldw: warning; fcw: reminder or danger"),
+        _text("side", "left or right; empty for fcw"),
+        Column("start_s", "first step of the warning", decimals=2),
+        Column("end_s", "last step; empty when the run ended during it", decimals=2),
+        Column("tlc_s", "estimated time to lane crossing at the start", decimals=3),
+        Column("ttc_s", "estimated time to collision at the start", decimals=3),
+        Column("lead_time_s", "from the start to the crossing or conflict", decimals=3),
+        _text("outcome", "true (it came to it), nuisance (the driver corrected), false (no such drift)"),
+    ),
+    "departures": (
+        _RUN,
+        _VEHICLE,
+        _text("side", "left or right"),
+        Column("crossing_s", "when a front wheel's outer edge met the border", decimals=3),
+        _text("cause", "keeping, distraction, microsleep, lane_change_signalled, lane_change_unsignalled"),
+        Column("lateral_speed_mps", "towards the border, when crossing"),
+        Column("speed_mps", "speed when crossing", decimals=3),
+        _flag(
+            "warned", "a warning for this side began before the crossing; empty for a signalled lane change"
+        ),
+        Column("lead_time_s", "from that warning to the crossing; negative for a late one", decimals=3),
+        _flag("in_zone", "the warning began inside the placement zone (ISO 17361, from memory)"),
+    ),
+}

@@ -1,0 +1,285 @@
+"""Scoring against what was then really driven: true time to lane crossing, prediction errors, events.
+
+A step's truth lies in its future, so steps wait in a buffer until the look-ahead has been driven. `settle`
+then turns them into rows, for all vehicles at once.
+"""
+
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from plugin.events import CAUSES, LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching
+from plugin.record import Recorder
+from plugin.schema import TABLES
+
+Array = np.ndarray[Any, Any]
+
+HORIZONS_S = (0.5, 1.0, 1.5, 2.0)
+LOOK_AHEAD_S = 5.0  # a crossing later than this leaves the true time to lane crossing empty
+STEP_S = 0.1
+_HORIZON_STEPS = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64)
+_JUMP_M = 1.0  # a larger change of the lane offset in one step is a change of the lane it refers to
+_STEP_COLUMNS = tuple(column.name for column in TABLES["steps"])
+PREDICTORS = ("predicted", "constant_velocity", "constant_radius", "true_state")
+
+
+class Scorer:
+    """Buffers the steps of a run, scores them against their future and hands the rows to the recorder.
+
+    `add` takes one step of n vehicles as columns: those of the table `steps` that are known by then, and
+
+    handle, step : int64, vehicle and number of the step
+    x_m, y_m, world_heading_rad : true pose of the centre of gravity
+    margin_left_m, margin_right_m : from the front wheels' outer edges to the painted borders, positive
+        inside; NaN where no marking is painted
+    drift_mps : true lateral speed in the lane, left positive
+    cause : index into CAUSES
+    warning_side : +1, -1, 0 of the lane-departure warning
+    predicted, constant_velocity, constant_radius, true_state : (n, 4, 3) forward, left, heading in the
+        vehicle frame at HORIZONS_S; NaN where nothing was predicted
+    """
+
+    def __init__(self, recorder: Recorder, names: dict[int, str], matching: Matching | None = None) -> None:
+        self._recorder = recorder
+        self._names = names
+        self._book = EventBook(matching or Matching())
+        self._steps: list[dict[str, Array]] = []
+        self._context: dict[str, Array] | None = None
+        self._last_crossing: dict[tuple[int, int], int] = {}
+        self._open: dict[int, LaneWarning] = {}
+        self.distance_m = 0.0
+        self.vehicle_steps = 0
+
+    def add(self, columns: dict[str, Array]) -> None:
+        """Take one step; arrays of equal length n."""
+        if len(columns["handle"]):
+            self._steps.append(columns)
+            self.vehicle_steps += len(columns["handle"])
+            self.distance_m += float(np.nansum(columns["speed_mps"])) * STEP_S
+
+    def settle(self, now_s: float, final: bool = False) -> None:
+        """Write all rows whose future is known by `now_s`; with `final`, all that are left."""
+        rows = self._gather()
+        if rows is None:
+            return
+        until = np.inf if final else now_s - LOOK_AHEAD_S
+        new = ~rows["written"] & (rows["time_s"] <= until)
+        follows = _follows(rows)
+        self._book.departures += self._departures(rows, follows, new)
+        self._warnings(rows, follows, new, until)
+        rows["true_tlc_s"] = _true_tlc(rows, _crossings(rows, follows))
+        self._write_steps(rows, new)
+        self._write_predictions(rows, follows, new)
+        departures, warnings = self._book.settle(until, final)
+        self._write_events("departures", departures)
+        self._write_events("warnings", warnings)
+        rows["written"] |= new
+        keep = rows["time_s"] > until - 2.0  # some context: causes and drifts shortly before an event
+        self._context = {name: column[keep] for name, column in rows.items()} if not final else None
+
+    def _gather(self) -> dict[str, Array] | None:
+        parts = self._steps if self._context is None else [self._context, *self._steps]
+        self._steps = []
+        if not parts:
+            return None
+        names = parts[-1].keys() - {"written", "true_tlc_s"}
+        rows = {name: np.concatenate([part[name] for part in parts]) for name in names}
+        count = len(rows["handle"])
+        rows["written"] = np.zeros(count, dtype=bool)
+        if self._context is not None:
+            written = self._context["written"]
+            rows["written"][: len(written)] = written
+        order = np.lexsort((rows["step"], rows["handle"]))
+        return {name: column[order] for name, column in rows.items()}
+
+    def _departures(self, rows: dict[str, Array], follows: Array, new: Array) -> list[Departure]:
+        """The crossings that count as events: the wheel was well inside since the last one, or that is old."""
+        events: list[Departure] = []
+        matching = self._book.matching
+        index = np.arange(len(follows))
+        starts = np.r_[True, rows["handle"][1:] != rows["handle"][:-1]]
+        first = np.maximum.accumulate(np.where(starts, index, 0))  # row at which the vehicle's rows begin
+        for side, margin in ((LEFT, rows["margin_left_m"]), (RIGHT, rows["margin_right_m"])):
+            inside = np.maximum.accumulate(np.where(margin > matching.rearm_margin_m, index, -1))
+            for i in _inward_to_outward(margin, rows["true_lateral_offset_m"], follows & new).tolist():
+                key = int(rows["handle"][i]), side
+                step, last = int(rows["step"][i]), self._last_crossing.get(key)
+                self._last_crossing[key] = step
+                since = int(rows["step"][inside[i]]) if inside[i] >= first[i] else -1
+                if last is None or since > last or (step - last) * STEP_S > matching.rearm_s:
+                    events.append(self._departure(rows, follows, i, side, margin))
+        return events
+
+    def _departure(
+        self, rows: dict[str, Array], follows: Array, i: int, side: int, margin: Array
+    ) -> Departure:
+        part = margin[i - 1] / (margin[i - 1] - margin[i])
+        cause = int(rows["cause"][i])
+        back = i
+        while cause == 0 and back > 0 and follows[back] and i - back < 20:  # the episode just ended
+            back -= 1
+            cause = int(rows["cause"][back])
+        return Departure(
+            handle=int(rows["handle"][i]),
+            side=side,
+            crossing_s=float(rows["time_s"][i - 1] + STEP_S * part),
+            cause=cause,
+            lateral_speed_mps=float(side * rows["drift_mps"][i]),
+            speed_mps=float(rows["speed_mps"][i]),
+        )
+
+    def _warnings(self, rows: dict[str, Array], follows: Array, new: Array, until: float) -> None:
+        side = rows["warning_side"]
+        before = np.where(follows, np.roll(side, 1), 0)
+        window = round(self._book.matching.drift_window_s / STEP_S)
+        for i in np.flatnonzero(new & ((side != before) | (~follows))).tolist():
+            handle = int(rows["handle"][i])
+            ended = self._open.pop(handle, None)
+            if ended is not None:
+                ended.end_s = float(rows["time_s"][i]) - STEP_S if follows[i] else ended.start_s
+            if side[i] != 0:
+                margin = rows["margin_left_m"] if side[i] == LEFT else rows["margin_right_m"]
+                near = slice(max(i - window, 0), i + window + 1)
+                same = rows["handle"][near] == handle
+                drift = np.max(np.where(same, side[i] * rows["drift_mps"][near], -np.inf))
+                warning = LaneWarning(
+                    handle=handle,
+                    side=int(side[i]),
+                    start_s=float(rows["time_s"][i]),
+                    tlc_s=float(rows["tlc_s"][i]),
+                    margin_m=float(margin[i]),
+                    drift_mps=float(drift),
+                )
+                self._open[handle] = warning
+                self._book.warnings.append(warning)
+        last_seen = dict(zip(rows["handle"].tolist(), rows["time_s"].tolist(), strict=True))
+        for handle, warning in list(self._open.items()):
+            gone = handle not in last_seen or last_seen[handle] < until - 1.0
+            if gone:  # the vehicle left during its warning
+                warning.end_s = last_seen.get(handle, warning.start_s)
+                del self._open[handle]
+
+    def _write_steps(self, rows: dict[str, Array], new: Array) -> None:
+        order = _by_time(rows, new)
+        columns: dict[str, Any] = {name: rows[name][order] for name in _STEP_COLUMNS if name in rows}
+        columns["vehicle_id"] = self._vehicle_ids(rows["handle"][order])
+        columns["true_cause"] = pa.DictionaryArray.from_arrays(
+            pa.array(rows["cause"][order].astype(np.int32)), pa.array(CAUSES)
+        ).dictionary_decode()
+        self._recorder.append("steps", columns)
+
+    def _write_predictions(self, rows: dict[str, Array], follows: Array, new: Array) -> None:
+        order = _by_time(rows, new)
+        segment = np.cumsum(~follows)
+        later = order[:, None] + _HORIZON_STEPS
+        inside = np.minimum(later, len(segment) - 1)
+        known = (later < len(segment)) & (segment[inside] == segment[order][:, None])
+        known &= np.isfinite(rows["predicted"][order, :, 0])
+        cos, sin = (
+            np.cos(rows["world_heading_rad"][order])[:, None],
+            np.sin(rows["world_heading_rad"][order])[:, None],
+        )
+        dx, dy = (
+            rows["x_m"][inside] - rows["x_m"][order][:, None],
+            rows["y_m"][inside] - rows["y_m"][order][:, None],
+        )
+        forward, left = cos * dx + sin * dy, cos * dy - sin * dx
+        turn = rows["world_heading_rad"][inside] - rows["world_heading_rad"][order][:, None]
+        turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+        errors = {}
+        for name in PREDICTORS:
+            path = rows[name][order]
+            ahead, aside = path[..., 0] - forward, path[..., 1] - left
+            errors[name] = (
+                np.cos(turn) * aside - np.sin(turn) * ahead,
+                np.cos(turn) * ahead + np.sin(turn) * aside,
+            )
+        keep = np.flatnonzero(known.ravel())
+        horizon = np.broadcast_to(np.array(HORIZONS_S), known.shape).ravel()[keep]
+        times = np.repeat(rows["time_s"][order], len(HORIZONS_S))[keep]
+        handles = np.repeat(rows["handle"][order], len(HORIZONS_S))[keep]
+        heading = (rows["predicted"][order][..., 2] - turn).ravel()[keep]
+        self._recorder.append(
+            "predictions",
+            {
+                "time_s": times,
+                "vehicle_id": self._vehicle_ids(handles),
+                "horizon_s": horizon,
+                "lateral_error_m": errors["predicted"][0].ravel()[keep],
+                "longitudinal_error_m": errors["predicted"][1].ravel()[keep],
+                "heading_error_rad": (heading + np.pi) % (2.0 * np.pi) - np.pi,
+                "constant_velocity_lateral_error_m": errors["constant_velocity"][0].ravel()[keep],
+                "constant_radius_lateral_error_m": errors["constant_radius"][0].ravel()[keep],
+                "true_state_lateral_error_m": errors["true_state"][0].ravel()[keep],
+            },
+        )
+
+    def _write_events(self, table: str, events: list[dict[str, object]]) -> None:
+        if not events:
+            return
+        key = "crossing_s" if table == "departures" else "start_s"
+        events.sort(key=lambda row: (row[key], self._names[row["handle"]]))  # type: ignore[index]
+        columns: dict[str, Any] = {name: pa.array([row[name] for row in events]) for name in events[0]}
+        handles = columns.pop("handle").to_numpy()
+        for column in TABLES[table]:
+            if column.kind == "float" and column.name in columns:
+                values = [row[column.name] for row in events]
+                columns[column.name] = np.array(
+                    [np.nan if v is None else v for v in values], dtype=np.float64
+                )
+        columns["vehicle_id"] = self._vehicle_ids(handles)
+        self._recorder.append(table, columns)
+
+    def _vehicle_ids(self, handles: Array) -> pa.Array:
+        unique, index = np.unique(handles, return_inverse=True)
+        names = pa.array([self._names[handle] for handle in unique.tolist()], type=pa.string())
+        return pa.DictionaryArray.from_arrays(pa.array(index.astype(np.int32)), names).dictionary_decode()
+
+
+def _follows(rows: dict[str, Array]) -> Array:
+    """Whether a row is the step right after the one before it, of the same vehicle."""
+    follows = np.zeros(len(rows["handle"]), dtype=bool)
+    follows[1:] = (np.diff(rows["handle"]) == 0) & (np.diff(rows["step"]) == 1)
+    return follows
+
+
+def _inward_to_outward(margin: Array, offset: Array, follows: Array) -> Array:
+    """Rows at which the margin turned from inside to outside with respect to one and the same lane."""
+    before = np.roll(margin, 1)
+    same_lane = np.abs(offset - np.roll(offset, 1)) < _JUMP_M
+    with np.errstate(invalid="ignore"):
+        return np.flatnonzero(follows & same_lane & (before > 0.0) & (margin <= 0.0))
+
+
+def _crossings(rows: dict[str, Array], follows: Array) -> Array:
+    """(m, 2): row index before which a crossing lies, and its time; sorted by row."""
+    found = []
+    for margin in (rows["margin_left_m"], rows["margin_right_m"]):
+        i = _inward_to_outward(margin, rows["true_lateral_offset_m"], follows)
+        part = margin[i - 1] / (margin[i - 1] - margin[i])
+        found.append(np.column_stack((i, rows["time_s"][i - 1] + STEP_S * part)))
+    merged = np.concatenate(found)
+    return merged[np.argsort(merged[:, 0], kind="stable")]
+
+
+def _true_tlc(rows: dict[str, Array], crossings: Array) -> Array:
+    """Time to the next crossing of the same vehicle, 0 while outside, NaN beyond LOOK_AHEAD_S."""
+    time, handle = rows["time_s"], rows["handle"]
+    tlc = np.full(len(time), np.nan)
+    if len(crossings):
+        rank = np.searchsorted(crossings[:, 0], np.arange(len(time)), side="right")
+        known = rank < len(crossings)
+        nearest = crossings[np.minimum(rank, len(crossings) - 1)]
+        same = handle[nearest[:, 0].astype(np.int64)] == handle
+        ahead = nearest[:, 1] - time
+        tlc = np.where(known & same & (ahead <= LOOK_AHEAD_S) & (ahead >= 0.0), ahead, np.nan)
+    with np.errstate(invalid="ignore"):
+        outside = (rows["margin_left_m"] <= 0.0) | (rows["margin_right_m"] <= 0.0)
+    return np.where(outside, 0.0, tlc)
+
+
+def _by_time(rows: dict[str, Array], chosen: Array) -> Array:
+    """Indices of the chosen rows in the order of the tables: by time, then by vehicle."""
+    index = np.flatnonzero(chosen)
+    return index[np.lexsort((rows["handle"][index], rows["step"][index]))]
