@@ -24,6 +24,9 @@ class Camera:
 
     height_m: float = Field(1.34, gt=0, le=5, description="above the road")
     focal_px: float = Field(925.0, gt=0, description="focal length for the 320x240 image")
+    focal_y_px: float | None = Field(
+        None, gt=0, description="vertical focal length where the image was scaled unequally; else focal_px"
+    )
     pitch_rad: float = Field(math.atan(1.34 / 33.5), gt=-0.5, lt=0.5, description="downwards positive")
     yaw_rad: float = Field(0.0, gt=-0.5, lt=0.5, description="left positive")
     center_x_px: float = Field(160.0, description="principal point, column")
@@ -34,7 +37,12 @@ class Camera:
     @property
     def horizon_y_px(self) -> float:
         """y of the horizon, 157 by default."""
-        return self.center_y_px + self.focal_px * math.tan(self.pitch_rad)
+        return self.center_y_px + self.vertical_focal_px * math.tan(self.pitch_rad)
+
+    @property
+    def vertical_focal_px(self) -> float:
+        """The focal length that holds along the columns."""
+        return self.focal_px if self.focal_y_px is None else self.focal_y_px
 
     @property
     def preview_m(self) -> float:
@@ -60,6 +68,7 @@ class Projection(NamedTuple):
     sin_yaw: float
     forward: float
     left: float
+    focal_y: float  # along the columns; `focal` holds along the rows
 
 
 def projection(camera: Camera) -> Projection:
@@ -75,6 +84,7 @@ def projection(camera: Camera) -> Projection:
         math.sin(camera.yaw_rad),
         camera.forward_m,
         camera.left_m,
+        camera.vertical_focal_px,
     )
 
 
@@ -86,13 +96,13 @@ def image_from_vehicle(forward, left, up, p):  # type: ignore[no-untyped-def]
     aside = -p.sin_yaw * f0 + p.cos_yaw * l0
     depth = p.cos_pitch * ahead - p.sin_pitch * u0
     rise = p.sin_pitch * ahead + p.cos_pitch * u0
-    return p.center_x - p.focal * aside / depth, p.center_y + p.focal * rise / depth, depth
+    return p.center_x - p.focal * aside / depth, p.center_y + p.focal_y * rise / depth, depth
 
 
 @kernel
 def vehicle_from_image(x, y, p):  # type: ignore[no-untyped-def]
     """(forward, left) of the road point seen at (x, y); valid below the horizon only, NaN above it."""
-    t = (y - p.center_y) / p.focal
+    t = (y - p.center_y) / p.focal_y
     fall = p.sin_pitch - t * p.cos_pitch
     if fall <= 0.0:
         return math.nan, math.nan
