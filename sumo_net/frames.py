@@ -1,0 +1,64 @@
+"""Planar frames: angle wrapping, SUMO's angles, and the vehicle frame of ISO 8855.
+
+World: x east, y north, headings counter-clockwise from +x. Vehicle: x forward, y left, origin at the centre of
+gravity. SUMO: angles in degrees clockwise from north, position of a vehicle = centre of its front bumper.
+
+Everything here is a compiled kernel that takes scalars or arrays of one shape (float64), so it serves other
+kernels and numpy code alike. Transforms are named `target_from_source`.
+"""
+
+import math
+
+import numpy as np
+
+from sumo_net.compile import kernel
+
+_TURN = 2.0 * math.pi
+
+
+@kernel
+def wrap_angle(angle):  # type: ignore[no-untyped-def]
+    """The same angle in [-π, π), rad."""
+    wrapped = angle - _TURN * np.floor((angle + math.pi) / _TURN)
+    # Rounding may leave +π for an angle just below −π.
+    return np.where(wrapped >= math.pi, wrapped - _TURN, wrapped) + 0.0
+
+
+@kernel
+def heading_from_sumo_angle(angle_deg):  # type: ignore[no-untyped-def]
+    """Heading in rad, [-π, π), of SUMO's angle in degrees clockwise from north."""
+    return wrap_angle(math.pi / 2.0 - angle_deg * (math.pi / 180.0))
+
+
+@kernel
+def sumo_angle_from_heading(heading):  # type: ignore[no-untyped-def]
+    """SUMO's angle in degrees, [0, 360), of a heading in rad."""
+    angle = 90.0 - heading * (180.0 / math.pi)
+    return angle - 360.0 * np.floor(angle / 360.0)
+
+
+@kernel
+def vehicle_from_world(x, y, origin_x, origin_y, heading):  # type: ignore[no-untyped-def]
+    """(forward, left) of a world point for a vehicle whose centre of gravity is at the origin given."""
+    dx, dy = x - origin_x, y - origin_y
+    c, s = np.cos(heading), np.sin(heading)
+    return c * dx + s * dy, c * dy - s * dx
+
+
+@kernel
+def world_from_vehicle(forward, left, origin_x, origin_y, heading):  # type: ignore[no-untyped-def]
+    """(x, y) in the world of a point in the vehicle frame."""
+    c, s = np.cos(heading), np.sin(heading)
+    return origin_x + c * forward - s * left, origin_y + s * forward + c * left
+
+
+@kernel
+def center_from_bumper(x, y, heading, bumper_m):  # type: ignore[no-untyped-def]
+    """(x, y) of the centre of gravity, `bumper_m` behind SUMO's position (the front bumper's centre)."""
+    return x - bumper_m * np.cos(heading), y - bumper_m * np.sin(heading)
+
+
+@kernel
+def bumper_from_center(x, y, heading, bumper_m):  # type: ignore[no-untyped-def]
+    """(x, y) of the front bumper's centre, SUMO's position, of a centre of gravity."""
+    return x + bumper_m * np.cos(heading), y + bumper_m * np.sin(heading)
