@@ -1,0 +1,416 @@
+"""All traffic of a running SUMO simulation as arrays: the only importer of libsumo and traci.
+
+SUMO's positions (centre of the front bumper) stay as they are; its angles (degrees clockwise from north) and
+its lateral positions (to the outer side in a left-hand network) become radians counter-clockwise from +x and
+left positive here, and nowhere else.
+"""
+
+import contextlib
+import gzip
+import os
+import re
+import tempfile
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from sumo_net.frames import heading_from_sumo_angle
+
+Array = np.ndarray[Any, Any]
+
+STEP_S = 0.1
+_INVALID = -1e9  # SUMO's INVALID_DOUBLE_VALUE is -2**30
+
+
+class TrafficError(RuntimeError):
+    """SUMO could not start, or does not run in a way that this project can work with."""
+
+
+class Snapshot(NamedTuple):
+    """All N vehicles now, ordered by handle.
+
+    A teleporting vehicle is nowhere, so it is not in the snapshot; a parked one has lane -1 and NaN for
+    `lane_position_m` and `lateral_m`.
+    """
+
+    handle: Array  # (N,) int64, number given to a vehicle at first sight, never reused
+    x_m: Array  # centre of the front bumper, world (SUMO position)
+    y_m: Array
+    heading_rad: Array  # counter-clockwise from +x, in [-pi, pi)
+    speed_mps: Array
+    acceleration_mps2: Array
+    lane: Array  # int32 index into Traffic.lane_ids, -1 when on none
+    lane_position_m: Array  # front bumper along SUMO's lane
+    lateral_m: Array  # SUMO lateral lane position, left positive
+    length_m: Array
+    width_m: Array
+    height_m: Array
+    signals: Array  # int32 SUMO signal bits
+
+
+class _Kind(NamedTuple):
+    """What does not change while a vehicle drives."""
+
+    vehicle_class: str
+    type_id: str
+
+
+class Traffic:
+    """A SUMO simulation, started here (`start`) or by the user (`attach`). Closes itself as a context."""
+
+    _started: ClassVar["Traffic | None"] = None
+
+    def __init__(self, simulation: Any, owned: bool) -> None:
+        """Use `attach` or `start`."""
+        import traci.exceptions
+
+        self._sumo = simulation
+        self._owned = owned
+        # The names on the module; a traci Connection has none of its own.
+        self._refused = getattr(simulation, "TraCIException", traci.exceptions.TraCIException)
+        self._lost = (
+            traci.exceptions.FatalTraCIError,
+            getattr(simulation, "FatalTraCIError", traci.exceptions.FatalTraCIError),
+        )
+        self._check()
+        self.net_file = Path(self._option("net-file"))
+        self.left_hand = _is_left_hand(self.net_file)
+        self._side = -1.0 if self.left_hand else 1.0
+        self.lane_ids: list[str] = list(simulation.lane.getIDList())
+        self._lane_number = {lane: number for number, lane in enumerate(self.lane_ids)}
+        self._names: list[str] = []  # by handle
+        self._kinds: list[_Kind] = []  # by handle
+        self._bodies = np.zeros((256, 3))  # by handle: length, width, height
+        self._numbers: dict[str, int] = {}  # of the vehicles that have not arrived
+        self._routes: dict[int, tuple[str, int, tuple[str, ...]]] = {}
+        self._read_columns = _reader(simulation)
+
+    # --- beginning and end
+
+    @classmethod
+    def start(cls, arguments: Sequence[str], gui: bool = False) -> "Traffic":
+        """Start SUMO in this process (libsumo), or with `gui` sumo-gui in its own (traci).
+
+        `arguments` is SUMO's command line without the program. Raises TrafficError with SUMO's own words
+        where it does not start, and where a simulation already runs: there is one simulation a process.
+        """
+        if Traffic._started is not None:
+            raise TrafficError("a simulation is already running in this process: close() it first")
+        _set_sumo_home()
+        with _standard_error() as words:
+            try:
+                simulation = _start_gui(arguments) if gui else _start_libsumo(arguments)
+            except TrafficError:
+                raise
+            except Exception as error:
+                raise TrafficError(f"SUMO did not start: {_cause(words(), str(error))}") from None
+        try:
+            traffic = cls(simulation, owned=True)
+        except BaseException:
+            simulation.close()
+            raise
+        Traffic._started = traffic
+        return traffic
+
+    @classmethod
+    def attach(cls, simulation: Any) -> "Traffic":
+        """Use a simulation that the user started: the module libsumo or traci, or a traci Connection.
+
+        Raises TrafficError where it is not started, its step is not 0.1 s, or SUMO moves vehicles sideways.
+        """
+        return cls(simulation, owned=False)
+
+    def close(self) -> None:
+        """End the simulation if it was started here, so that SUMO's own outputs are complete; idempotent."""
+        if self._owned:
+            self._owned = False
+            Traffic._started = None
+            with contextlib.suppress(*self._lost, self._refused):
+                self._sumo.close()
+
+    def __enter__(self) -> "Traffic":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _check(self) -> None:
+        try:
+            # libsumo answers with defaults while nothing is loaded; a traci Connection cannot be asked.
+            if not getattr(self._sumo, "isLoaded", lambda: True)():
+                raise AttributeError
+            step = float(self._sumo.simulation.getDeltaT())
+        except (*self._lost, self._refused, AttributeError):
+            raise TrafficError(
+                "the simulation is not running: start it first, as in "
+                'libsumo.start(["sumo", "-c", "mine.sumocfg", "--step-length", "0.1"])'
+            ) from None
+        if abs(step - STEP_S) > 1e-9:
+            raise TrafficError(f"the step length is {step:g} s, needed is 0.1 s: add --step-length 0.1")
+        resolution = float(self._option("lateral-resolution") or -1)
+        if resolution > 0:
+            raise TrafficError(
+                f"--lateral-resolution {resolution:g} (the sublane model) lets SUMO move vehicles sideways, "
+                "which is computed here: add --lateral-resolution -1"
+            )
+        duration = float(self._option("lanechange.duration") or 0)
+        if duration > 0:
+            raise TrafficError(
+                f"--lanechange.duration {duration:g} lets SUMO move vehicles sideways, "
+                "which is computed here: add --lanechange.duration 0"
+            )
+
+    def _option(self, name: str) -> str:
+        try:
+            return str(self._sumo.simulation.getOption(name))
+        except self._refused:
+            return ""
+
+    # --- time
+
+    def step(self) -> None:
+        """Let SUMO do one step of 0.1 s. Raises TrafficError where the simulation has ended meanwhile."""
+        try:
+            self._sumo.simulationStep()
+        except (*self._lost, self._refused) as error:
+            raise TrafficError(f"SUMO stopped: {_one_line(str(error))}") from None
+
+    @property
+    def time_s(self) -> float:
+        """SUMO's time."""
+        return float(self._sumo.simulation.getTime())
+
+    @property
+    def expected(self) -> int:
+        """Vehicles that drive or are still to come."""
+        return int(self._sumo.simulation.getMinExpectedNumber())
+
+    # --- reading
+
+    def snapshot(self) -> Snapshot:
+        """All vehicles now; call once a step."""
+        numbers = self._numbers
+        for name in self._sumo.simulation.getArrivedIDList():
+            handle = numbers.pop(name, None)
+            self._routes.pop(-1 if handle is None else handle, None)
+        names = self._sumo.vehicle.getIDList()
+        # In the order of their names, so that handles do not depend on the order of SUMO's list.
+        for name in sorted(name for name in names if name not in numbers):
+            self._register(name)
+        order = sorted([numbers[name] for name in names])
+        known = self._names
+        (position, angle, speed, acceleration, lanes, along, lateral, signals) = self._read_columns(
+            [known[handle] for handle in order]
+        )
+        handles = np.array(order, dtype=np.int64)
+        xy = np.array(position, dtype=np.float64).reshape(-1, 2)
+        lane = self._lane_indices(lanes)
+        on_lane = lane >= 0
+        bodies = self._bodies[handles]
+        acceleration_mps2 = np.array(acceleration, dtype=np.float64)
+        made = Snapshot(
+            handle=handles,
+            x_m=xy[:, 0].copy(),
+            y_m=xy[:, 1].copy(),
+            heading_rad=heading_from_sumo_angle(np.array(angle, dtype=np.float64)),
+            speed_mps=np.array(speed, dtype=np.float64),
+            acceleration_mps2=np.where(acceleration_mps2 > _INVALID, acceleration_mps2, 0.0),
+            lane=lane,
+            lane_position_m=np.where(on_lane, np.array(along, dtype=np.float64), np.nan),
+            lateral_m=np.where(on_lane, self._side * np.array(lateral, dtype=np.float64), np.nan),
+            length_m=bodies[:, 0].copy(),
+            width_m=bodies[:, 1].copy(),
+            height_m=bodies[:, 2].copy(),
+            signals=np.array(signals, dtype=np.int32),
+        )
+        somewhere = xy[:, 0] > _INVALID
+        if somewhere.all():
+            return made
+        return Snapshot(*(part[somewhere] for part in made))
+
+    def vehicle_id(self, handle: int) -> str:
+        """SUMO's name of a vehicle, also after it has arrived."""
+        return self._names[handle]
+
+    def handle(self, vehicle_id: str) -> int:
+        """The number of a vehicle that was seen and has not arrived. Raises KeyError."""
+        return self._numbers[vehicle_id]
+
+    def vehicle_class(self, handle: int) -> str:
+        """SUMO's vehicle class: 'passenger', 'truck', 'bicycle' and so on."""
+        return self._kinds[handle].vehicle_class
+
+    def type_id(self, handle: int) -> str:
+        """SUMO's vehicle type as it was when the vehicle was first seen."""
+        return self._kinds[handle].type_id
+
+    def type_parameter(self, type_id: str, key: str) -> str:
+        """A <param> of a vehicle type; '' where it has none."""
+        try:
+            return str(self._sumo.vehicletype.getParameter(type_id, key))
+        except self._refused:
+            return ""
+
+    def vehicle_parameter(self, handle: int, key: str) -> str:
+        """A <param> of a vehicle; '' where it has none, or is no longer there."""
+        try:
+            return str(self._sumo.vehicle.getParameter(self._names[handle], key))
+        except self._refused:
+            return ""
+
+    def route_ahead(self, handle: int) -> tuple[str, ...]:
+        """The edges of the route from the current one on; () for a vehicle that is no longer there.
+
+        On a junction (an internal lane) the first edge is the one just left, as SUMO's route index has it.
+        """
+        name = self._names[handle]
+        try:
+            route = self._sumo.vehicle.getRouteID(name)
+            index = self._sumo.vehicle.getRouteIndex(name)
+            known = self._routes.get(handle)
+            if known is not None and known[0] == route and known[1] == index:
+                return known[2]
+            ahead = tuple(self._sumo.vehicle.getRoute(name)[max(index, 0) :])
+        except self._refused:
+            return ()
+        self._routes[handle] = (route, index, ahead)
+        return ahead
+
+    # --- writing
+
+    def write_lateral(self, handles: Array, lateral_m: Array) -> None:
+        """Put vehicles sideways on their lanes, (n,) handles and metres left of SUMO's lane centre.
+
+        Takes effect in SUMO's next step. Vehicles that have vanished are passed over. Raises ValueError for
+        a number that is not finite, which SUMO would take in silence.
+        """
+        if not np.isfinite(lateral_m).all():
+            bad = int(np.asarray(handles)[~np.isfinite(lateral_m)][0])
+            raise ValueError(f"lateral position of vehicle '{self._names[bad]}' is not finite")
+        put, names = self._sumo.vehicle.setLateralLanePosition, self._names
+        sumo_side = (self._side * np.asarray(lateral_m, dtype=np.float64)).tolist()
+        for handle, lateral in zip(np.asarray(handles).tolist(), sumo_side, strict=True):
+            with contextlib.suppress(self._refused):
+                put(names[handle], lateral)
+
+    def set_color(self, handle: int, red: int, green: int, blue: int) -> None:
+        """Colour a vehicle in sumo-gui, 0 to 255 each; nothing for one that has vanished."""
+        with contextlib.suppress(self._refused):
+            self._sumo.vehicle.setColor(self._names[handle], (red, green, blue, 255))
+
+    # --- bookkeeping
+
+    def _register(self, name: str) -> None:
+        handle = len(self._names)
+        if handle == len(self._bodies):
+            self._bodies = np.concatenate([self._bodies, np.zeros_like(self._bodies)])
+        vehicle = self._sumo.vehicle
+        self._bodies[handle] = vehicle.getLength(name), vehicle.getWidth(name), vehicle.getHeight(name)
+        self._kinds.append(_Kind(vehicle.getVehicleClass(name), vehicle.getTypeID(name)))
+        self._names.append(name)
+        self._numbers[name] = handle
+
+    def _lane_indices(self, lanes: list[str]) -> Array:
+        number = self._lane_number
+        try:
+            return np.array([number[lane] if lane else -1 for lane in lanes], dtype=np.int32)
+        except KeyError:
+            for lane in lanes:
+                if lane and lane not in number:
+                    number[lane] = len(self.lane_ids)
+                    self.lane_ids.append(lane)
+            return self._lane_indices(lanes)
+
+
+def _reader(simulation: Any) -> Any:
+    """A function of the vehicles' names that gives the eight changing columns as lists."""
+    vehicle = simulation.vehicle
+    getters = (
+        vehicle.getPosition,
+        vehicle.getAngle,
+        vehicle.getSpeed,
+        vehicle.getAcceleration,
+        vehicle.getLaneID,
+        vehicle.getLanePosition,
+        vehicle.getLateralLanePosition,
+        vehicle.getSignals,
+    )
+
+    def read(names: list[str]) -> list[list[Any]]:
+        return [[get(name) for name in names] for get in getters]
+
+    return read
+
+
+def _start_libsumo(arguments: Sequence[str]) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the wheel warns about other Arrow versions; it does not matter here
+        import libsumo
+
+    if libsumo.isLoaded():
+        raise TrafficError("a simulation is already running in this process: close it, or attach to it")
+    libsumo.start(["sumo", *arguments])
+    return libsumo
+
+
+def _start_gui(arguments: Sequence[str]) -> Any:
+    import sumolib
+    import traci
+
+    label = f"sumo-adas-{os.getpid()}"
+    traci.start([sumolib.checkBinary("sumo-gui"), *arguments, "--start", "--quit-on-end"], label=label)
+    return traci.getConnection(label)
+
+
+def _set_sumo_home() -> None:
+    """SUMO looks for its XML schemas there, and on the network when it has none."""
+    if "SUMO_HOME" not in os.environ:
+        with contextlib.suppress(ImportError):
+            import sumo
+
+            os.environ["SUMO_HOME"] = sumo.SUMO_HOME
+
+
+@contextlib.contextmanager
+def _standard_error() -> Iterator[Any]:
+    """Collect what is written to the process's standard error, by SUMO's C++ too; gives a reader of it."""
+    with tempfile.TemporaryFile() as file:
+        saved = os.dup(2)
+        os.dup2(file.fileno(), 2)
+
+        def words() -> str:
+            file.seek(0)
+            return file.read().decode("utf-8", "replace")
+
+        try:
+            yield words
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+
+
+def _cause(words: str, otherwise: str) -> str:
+    """SUMO's own words on why it failed, in one line: its errors, without its warnings."""
+    found = re.findall(r"^Error: (.*(?:\n (?! *Error:| *Warning:).*)*)", words, flags=re.MULTILINE)
+    found = [_one_line(text) for text in found if not text.startswith("Quitting")]
+    return "; ".join(dict.fromkeys(found)) or _one_line(words) or _one_line(otherwise)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _is_left_hand(net_file: Path) -> bool:
+    """Whether the network says that traffic keeps left; False where the file cannot be read from here."""
+    opener = gzip.open if net_file.suffix == ".gz" else open
+    try:
+        with opener(net_file, "rt", encoding="utf-8", errors="replace") as file:
+            for line in file:
+                if "<net " in line:
+                    return bool(re.search(r'\blefthand="(1|true)"', line))
+    except OSError:
+        pass
+    return False
