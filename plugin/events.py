@@ -25,8 +25,9 @@ class Matching:
     drift_mps: float = Field(0.05, gt=0, description="a true lateral speed that counts as a drift")
     drift_window_s: float = Field(0.5, gt=0, description="looked for so long before and after the start")
     rearm_margin_m: float = Field(
-        0.1, ge=0, description="a border counts again after the wheel was so far inside"
+        0.1, ge=0, description="a border counts again once the wheel was so far inside"
     )
+    rearm_s: float = Field(2.0, ge=0, description="… or after so long")
 
 
 @dataclass(slots=True)

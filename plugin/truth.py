@@ -94,7 +94,7 @@ class Scorer:
         return {name: column[order] for name, column in rows.items()}
 
     def _departures(self, rows: dict[str, Array], follows: Array, new: Array) -> list[Departure]:
-        """The crossings that count as events: the wheel was well inside since the last one, or that is old."""
+        """The crossings that count: the wheel was well inside since the last one, or that is long ago."""
         events: list[Departure] = []
         matching = self._book.matching
         index = np.arange(len(follows))
