@@ -1,0 +1,204 @@
+"""Figures from tables: lane accuracy, prediction errors and baselines, warnings against departures."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+from scipy.stats import bootstrap, chi2
+
+from plugin.truth import HORIZONS_S
+
+CURVE_1PM = 2e-4  # a road less curved than this counts as straight
+CATEGORIES = ("straight", "curve", "lane_change", "distraction")
+ERRORS = {
+    "predicted": "lateral_error_m",
+    "true_state": "true_state_lateral_error_m",
+    "constant_velocity": "constant_velocity_lateral_error_m",
+    "constant_radius": "constant_radius_lateral_error_m",
+}
+SIGNALLED = "lane_change_signalled"
+
+
+def distance_km(steps: pd.DataFrame) -> float:
+    """Kilometres driven by equipped vehicles."""
+    return float(steps["speed_mps"].sum()) * 0.1 / 1000.0
+
+
+def category(steps: pd.DataFrame) -> pd.Series:
+    """One of CATEGORIES for every step, by what the driver truly does and the road's true curvature."""
+    cause = steps["true_cause"]
+    curved = steps["true_curvature_1pm"].abs() > CURVE_1PM
+    values = np.select(
+        [cause.str.startswith("lane_change"), cause.isin(["distraction", "microsleep"]), curved],
+        ["lane_change", "distraction", "curve"],
+        "straight",
+    )
+    return pd.Series(pd.Categorical(values, CATEGORIES), index=steps.index)
+
+
+def lane_accuracy(steps: pd.DataFrame) -> dict[str, float]:
+    """Recognition rates and root mean square errors of the lane and motion estimates, over marked road."""
+    marked = steps[steps["on_marked_road"].fillna(False)]
+    judged = marked["recognised"].notna()
+    locked = marked[marked["lane_locked"].fillna(False)]
+    # the lane that the camera means may differ from the true one only while the vehicle straddles a border
+    same = locked[(locked["lateral_offset_m"] - locked["true_lateral_offset_m"]).abs() < 1.0]
+    result = {
+        "recognition_rate": _mean(marked.loc[judged, "recognised"]),
+        "paper_recognition_rate": _mean(marked["paper_recognised"].dropna()),
+        "locked_rate": _mean(marked["lane_locked"].fillna(False)),
+        "other_lane_rate": 1.0 - len(same) / len(locked) if len(locked) else np.nan,
+    }
+    for name, estimate, truth in (
+        ("lateral_offset_rmse_m", "lateral_offset_m", "true_lateral_offset_m"),
+        ("heading_rmse_rad", "heading_error_rad", "true_heading_error_rad"),
+        ("curvature_rmse_1pm", "curvature_1pm", "true_preview_curvature_1pm"),
+        ("lateral_speed_rmse_mps", "lateral_speed_mps", "true_lateral_speed_mps"),
+        ("yaw_rate_rmse_rps", "yaw_rate_rps", "true_yaw_rate_rps"),
+        ("steer_rmse_rad", "steer_rad", "true_steer_rad"),
+    ):
+        result[name] = (
+            float(np.sqrt(np.nanmean(np.square(same[estimate] - same[truth])))) if len(same) else np.nan
+        )
+    return result
+
+
+def prediction_errors(predictions: pd.DataFrame, steps: pd.DataFrame | None = None) -> pd.DataFrame:
+    """Median and 95th percentile of |lateral error| by horizon for the prediction, the floor, the baselines.
+
+    With `steps` also by category; the rows are (category, horizon), category "all" first.
+    """
+    keyed = predictions
+    if steps is not None:
+        key = ["run_id", "vehicle_id", "time_s"]
+        keyed = predictions.merge(steps[key].assign(category=category(steps)), on=key, how="left")
+    rows = []
+    for name in ["all"] + (list(CATEGORIES) if steps is not None else []):
+        chosen = keyed if name == "all" else keyed[keyed["category"] == name]
+        for horizon in HORIZONS_S:
+            part = chosen[np.isclose(chosen["horizon_s"], horizon)]
+            row: dict[str, object] = {"category": name, "horizon_s": horizon, "count": len(part)}
+            for label, column in ERRORS.items():
+                row[f"{label}_median_m"] = float(part[column].abs().median())
+                row[f"{label}_p95_m"] = float(part[column].abs().quantile(0.95))
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def paired_gain(
+    predictions: pd.DataFrame, steps: pd.DataFrame, baseline: str, resamples: int = 1000
+) -> pd.DataFrame:
+    """Mean of |baseline error| − |prediction error|, by category and horizon, with an interval.
+
+    Paired by step; 95 % bootstrap interval over (run, vehicle), since steps of one vehicle are alike.
+    """
+    key = ["run_id", "vehicle_id", "time_s"]
+    keyed = predictions.merge(steps[key].assign(category=category(steps)), on=key, how="left")
+    keyed["gain"] = keyed[ERRORS[baseline]].abs() - keyed["lateral_error_m"].abs()
+    rows = []
+    for (name, horizon), part in keyed.groupby(["category", "horizon_s"], observed=True):
+        clusters = part.groupby(["run_id", "vehicle_id"])["gain"].agg(["sum", "count"])
+        mean = clusters["sum"].sum() / clusters["count"].sum()
+        low = high = np.nan
+        if len(clusters) > 1:
+            interval = bootstrap(
+                (clusters["sum"].to_numpy(), clusters["count"].to_numpy()),
+                lambda total, count, axis: total.sum(axis=axis) / count.sum(axis=axis),
+                paired=True,
+                vectorized=True,
+                method="percentile",
+                n_resamples=resamples,
+                rng=np.random.default_rng(0),
+            ).confidence_interval
+            low, high = float(interval.low), float(interval.high)
+        rows.append({"category": name, "horizon_s": horizon, "gain_m": mean, "low_m": low, "high_m": high})
+    return pd.DataFrame(rows)
+
+
+def tlc_errors(steps: pd.DataFrame, below_s: float = 1.0) -> dict[str, float]:
+    """|TLC error| where the true TLC is in (0, below_s]: of the estimate, the floor and both baselines."""
+    truth = steps["true_tlc_s"]
+    near = steps[(truth > 0.0) & (truth <= below_s) & steps["on_marked_road"].fillna(False)]
+    result: dict[str, float] = {"tlc_steps": len(near)}
+    for label, column in (
+        ("tlc", "tlc_s"),
+        ("tlc_true_state", "tlc_true_state_s"),
+        ("tlc_constant_velocity", "tlc_constant_velocity_s"),
+        ("tlc_constant_radius", "tlc_constant_radius_s"),
+    ):
+        # no crossing foreseen within the horizon is an error of unknown size: it counts as infinite
+        error = (near[column].fillna(np.inf) - near["true_tlc_s"]).abs()
+        result[f"{label}_error_median_s"] = _quantile(error, 0.5)
+        result[f"{label}_error_p95_s"] = _quantile(error, 0.95)
+        result[f"{label}_unforeseen_rate"] = _mean(near[column].isna())
+    return result
+
+
+def warning_counts(warnings: pd.DataFrame, departures: pd.DataFrame, km: float) -> dict[str, float]:
+    """Departures warned and missed, warnings by outcome, per 100 km with exact Poisson limits."""
+    meant = departures[departures["cause"] != SIGNALLED]
+    warned = meant["warned"].fillna(False).astype(bool)
+    outcome = warnings.loc[warnings["kind"] == "ldw", "outcome"]
+    false = int((outcome == "false").sum())
+    low, high = poisson_interval(false)
+    return {
+        "departures": len(meant),
+        "departures_warned": int(warned.sum()),
+        "departures_missed": int((~warned).sum()),
+        "warned_rate": _mean(warned),
+        "in_zone_rate": _mean(meant["in_zone"].dropna()),
+        "median_lead_time_s": float(meant.loc[warned, "lead_time_s"].median()),
+        "departures_per_100km": per_100_km(len(meant), km),
+        "warnings": len(outcome),
+        "warnings_true": int((outcome == "true").sum()),
+        "warnings_nuisance": int((outcome == "nuisance").sum()),
+        "warnings_false": false,
+        "nuisance_per_100km": per_100_km(int((outcome == "nuisance").sum()), km),
+        "false_per_100km": per_100_km(false, km),
+        "false_per_100km_low": per_100_km(low, km),
+        "false_per_100km_high": per_100_km(high, km),
+    }
+
+
+def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
+    """The exact (Garwood) interval of a Poisson mean."""
+    tail = (1.0 - level) / 2.0
+    low = float(chi2.ppf(tail, 2 * count) / 2.0) if count else 0.0
+    return low, float(chi2.ppf(1.0 - tail, 2 * count + 2) / 2.0)
+
+
+def per_100_km(count: float, km: float) -> float:
+    """A rate per 100 km, NaN where nothing was driven."""
+    return 100.0 * count / km if km > 0.0 else float("nan")
+
+
+def summary(
+    steps: pd.DataFrame, predictions: pd.DataFrame, warnings: pd.DataFrame, departures: pd.DataFrame
+) -> dict[str, float]:
+    """All figures of a run, or of many runs whose tables are put one after the other, under one name each."""
+    km = distance_km(steps)
+    result: dict[str, float] = {
+        "vehicles": steps.groupby(["run_id", "vehicle_id"], observed=True).ngroups,
+        "vehicle_steps": len(steps),
+        "distance_km": km,
+        **warning_counts(warnings, departures, km),
+        **lane_accuracy(steps),
+        **tlc_errors(steps),
+    }
+    for row in prediction_errors(predictions).to_dict("records"):
+        horizon = f"{row['horizon_s']:.1f}s"
+        for label in ERRORS:
+            result[f"{label}_error_{horizon}_median_m"] = row[f"{label}_median_m"]
+            result[f"{label}_error_{horizon}_p95_m"] = row[f"{label}_p95_m"]
+    return result
+
+
+def _mean(values: Iterable[bool]) -> float:
+    array = np.asarray(list(values), dtype=float)
+    return float(array.mean()) if len(array) else float("nan")
+
+
+def _quantile(values: pd.Series, q: float) -> float:
+    if values.empty:
+        return float("nan")
+    return float(np.quantile(values.to_numpy(), q, method="higher"))
