@@ -1,0 +1,84 @@
+"""The interacting-multiple-model filter (IMM source, section 3), general in the number of models.
+
+One model is the plain Kalman filter. Mode probabilities are worked with as logarithms; without a measurement
+they change by the Markov step alone.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from plugin.tracking import imm_kernels as kernels
+from plugin.tracking.kalman import Gaussian
+
+Array = np.ndarray[Any, Any]
+
+
+class ImmState(NamedTuple):
+    """T tracks, r models, n states."""
+
+    x: Array  # (T, r, n)
+    P: Array  # (T, r, n, n)
+    mu: Array  # (T, r) mode probabilities
+
+
+def init(x: Array, P: Array, mu: Array) -> ImmState:
+    """Every model of a track at x (T, n), P (T, n, n), with mode probabilities mu (r,)."""
+    tracks, n = x.shape
+    r = len(mu)
+    return ImmState(
+        np.repeat(x[:, None], r, axis=1),
+        np.repeat(P[:, None], r, axis=1),
+        np.tile(np.asarray(mu, np.float64), (tracks, 1)),
+    )
+
+
+def check_markov(markov: Array, r: int) -> Array:
+    """Π as a float (r, r) array. Raises ValueError where it is not stochastic: Π[i, j] = P(i → j)."""
+    markov = np.asarray(markov, np.float64)
+    rows_sum_to_one = markov.shape == (r, r) and np.allclose(markov.sum(axis=1), 1.0, atol=1e-9)
+    if not rows_sum_to_one or np.any(markov < 0.0):
+        raise ValueError(
+            f"markov = {markov.tolist()}: must be {r} rows of {r} probabilities, each summing to 1"
+        )
+    return markov
+
+
+def predict(
+    state: ImmState,
+    F: Array,
+    Q: Array,
+    markov: Array,
+    which: Array | None = None,
+    shift: Array | None = None,
+) -> ImmState:
+    """Step 1 and the prediction of step 2; mu becomes the Markov step's.
+
+    Parameters
+    ----------
+    F, Q : (U, r, n, n) arrays.
+    markov : (U, r, r) array, Π[u, i, j] = P(i → j).
+    which : (T,) int64, the row of F, Q and markov each track takes; 0 if left out.
+    shift : (T, n) known input, 0 if left out.
+    """
+    tracks, _, n = state.x.shape
+    which = np.zeros(tracks, np.int64) if which is None else which
+    shift = np.zeros((tracks, n)) if shift is None else shift
+    return ImmState(*kernels.predict(*state, F, Q, markov, which, shift))
+
+
+def update(
+    state: ImmState, z: Array, seen: Array, H: Array, R: Array, angle: Array | None = None
+) -> tuple[ImmState, Array]:
+    """Steps 2 and 3 with z (T, m) where `seen` (T,).
+
+    Gives the state and `sound` (T,) bool: False where an innovation covariance was not positive definite.
+    """
+    angle = np.zeros(len(H), np.bool_) if angle is None else angle
+    x, P, mu, sound = kernels.update(*state, z, seen, H, R, angle)
+    return ImmState(x, P, mu), sound
+
+
+def combine(state: ImmState) -> Gaussian:
+    """Step 4: mean and covariance of the mixture."""
+    return Gaussian(*kernels.combine(*state))

@@ -1,0 +1,52 @@
+"""The Kalman filter over all tracks at once, each with its own time step and with missing measurements."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from plugin.tracking import kalman_kernels as kernels
+
+Array = np.ndarray[Any, Any]
+
+
+class Gaussian(NamedTuple):
+    """State estimates of T tracks."""
+
+    x: Array  # (T, n)
+    P: Array  # (T, n, n)
+
+
+class Innovation(NamedTuple):
+    """What a measurement said against the prediction; NaN where none was seen."""
+
+    y: Array  # (T, m)
+    S: Array  # (T, m, m)
+    log_likelihood: Array  # (T,); NaN also where S was not positive definite, and the update was left out
+
+
+def predict(
+    state: Gaussian, F: Array, Q: Array, which: Array | None = None, shift: Array | None = None
+) -> Gaussian:
+    """x ← F x + shift, P ← F P Fᵀ + Q.
+
+    Parameters
+    ----------
+    F, Q : (U, n, n) arrays, or (n, n) for all tracks alike.
+    which : (T,) int64, the row of F and Q each track takes; left out where U is 1 or T.
+    shift : (T, n) known input, 0 if left out.
+    """
+    tracks, n = state.x.shape
+    F, Q = np.atleast_3d(F).reshape(-1, n, n), np.atleast_3d(Q).reshape(-1, n, n)
+    if which is None:
+        which = np.zeros(tracks, np.int64) if len(F) == 1 else np.arange(tracks)
+    shift = np.zeros((tracks, n)) if shift is None else shift
+    return Gaussian(*kernels.predict(state.x, state.P, F, Q, which, shift))
+
+
+def update(
+    state: Gaussian, z: Array, seen: Array, H: Array, R: Array, angle: Array | None = None
+) -> tuple[Gaussian, Innovation]:
+    """Joseph-form update with z (T, m) where `seen` (T,); H (m, n), R (m, m), angle (m,) bool or none."""
+    angle = np.zeros(len(H), np.bool_) if angle is None else angle
+    x, P, *innovation = kernels.update(state.x, state.P, z, seen, H, R, angle)
+    return Gaussian(x, P), Innovation(*innovation)
