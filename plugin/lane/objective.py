@@ -67,7 +67,7 @@ class ObjectiveNumbers(NamedTuple):
 
 
 def stencils() -> Array:
-    """(2, 3, 3, 3) float32: α/9 + Σ βⱼ·partsⱼ/3 per border and slope class; the right is the left mirrored."""
+    """(2, 3, 3, 3) float32: α/9 + Σ βⱼ·partsⱼ/3 per border and slope class; the right mirrors the left."""
     left = np.stack(
         [
             alpha / 9.0
@@ -95,8 +95,13 @@ def objective(frames: Array, left: Array, right: Array, choices: Objective | Non
             raise ValueError(f"{name} has shape {border.shape}: must be ({len(frames)}, 3)")
     numbers = objective_numbers(choices or Objective())
     score = np.empty((len(frames), 2))
-    borders = (np.ascontiguousarray(border, np.float64) for border in (left, right))
-    objective_kernel(np.ascontiguousarray(frames), *borders, *numbers, score)
+    objective_kernel(
+        np.ascontiguousarray(frames),
+        np.ascontiguousarray(left, np.float64),
+        np.ascontiguousarray(right, np.float64),
+        *numbers,
+        score,
+    )
     return score
 
 

@@ -46,13 +46,13 @@ def slope_class(slope):  # type: ignore[no-untyped-def]
 def reachable_columns(low, high, first, last):  # type: ignore[no-untyped-def]
     """Columns [first[i], last[i]] where any parabola with low ≤ (a, b, c) ≤ high has its i-th block.
 
-    x grows with each of a, b and c, as y ≥ 0; so two corners of the region bound it. Empty where last < first.
+    x grows with each of a, b and c, as y ≥ 0; so two corners of the region bound it.
     """
     for i in range(BLOCKS):
         y = 1.0 + BLOCK_PX * i
         lowest = math.floor((low[0] * y + low[1]) * y + low[2] + 0.5) - 1.0  # -1, +1: rounding of the decoder
         highest = math.floor((high[0] * y + high[1]) * y + high[2] + 0.5) + 1.0
-        first[i] = np.int64(min(max(lowest, FIRST_COLUMN), LAST_COLUMN + 1.0))
+        first[i] = np.int64(min(max(lowest, FIRST_COLUMN), LAST_COLUMN + 1.0))  # empty where first > last
         last[i] = np.int64(max(min(highest, LAST_COLUMN), FIRST_COLUMN - 1.0))
 
 
@@ -112,7 +112,7 @@ def objective_kernel(frames, left, right, stencils, alpha, region, minimum_block
     for v in range(frames.shape[0]):
         grey = road_grey(frames[v], region[0], region[1], region[2])
         for side in range(2):
-            border = left[v] if side == 0 else right[v]
+            border = (left if side == 0 else right)[v]
             row = slope_class(border[1] if side == 0 else -border[1])
             reachable_columns(border, border, first, last)
             block_map(frames[v], stencils[side, row], first, last, values)

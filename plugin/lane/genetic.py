@@ -1,0 +1,215 @@
+"""The published lane search, `paper` mode (Zhang et al. 2011, section 1.2.2, tables 3, 4).
+
+Each border x = a·y² + b·y + c is found anew in every frame by a genetic algorithm on the objective function:
+binary chromosomes, roulette selection, the best individual kept, three-point crossover with the next
+individual, mutation of one bit. Regions of interest narrow in three stages: the first frame, five frames of
+transition, and from then on.
+
+The source says nothing about losing a border. `Restart` is our addition and can be switched off: a border
+that fails for some frames starts again at the first stage; and as the regions follow a border across the
+whole image, a vehicle that changes lane takes over the neighbouring lane's borders.
+"""
+
+import math
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from camera_synth.camera import WIDTH_PX
+from plugin.lane.estimate import Borders
+from plugin.lane.genetic_kernels import search_kernel
+from plugin.lane.objective import Objective, check_frames, objective_numbers
+from sumo_net.settings import settings
+
+Array = np.ndarray[Any, Any]
+Interval = tuple[float, float]
+
+DECIMALS = (4, 2, 0)  # of a, b and c that eq. 4 asks for
+MOST_BITS = 62
+
+
+@settings
+class Region:
+    """Where a border's parameters are searched in the first frame."""
+
+    a: Interval = Field(description="lowest and highest a, 1/px")
+    b: Interval = Field(description="lowest and highest b")
+    c: Interval = Field(description="lowest and highest c, px")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        for name in ("a", "b", "c"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"{name} = [{low}, {high}]: the first must be below the second")
+        return self
+
+
+@settings
+class Reach:
+    """How far from the last result a border's parameters are searched."""
+
+    a: float = Field(gt=0, le=0.1, description="1/px")
+    b: float = Field(gt=0, le=10)
+    c: float = Field(gt=0, le=WIDTH_PX, description="px")
+
+
+@settings
+class Restart:
+    """When the search starts anew; not in the source.
+
+    A border fails in a frame if its objective is below `least_score`, or if the borders are not
+    `least_width_px` to `greatest_width_px` apart at the bottom of the image or cross above it.
+    """
+
+    enabled: bool = True
+    patience: int = Field(8, ge=1, description="failing frames in a row until the first stage")
+    least_score: float = Field(8.0, description="objective F in grey levels")
+    least_width_px: float = Field(200.0, gt=0, description="1.7 m for the default camera")
+    greatest_width_px: float = Field(650.0, gt=0, description="5.6 m for the default camera")
+    center_px: float = Field(160.0, description="column under which the vehicle drives")
+    crossed_by_px: float = Field(
+        30.0, ge=0, description="a border this far on its wrong side of center_px is crossed: a lane change"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.greatest_width_px <= self.least_width_px:
+            raise ValueError(
+                f"greatest_width_px = {self.greatest_width_px}: "
+                f"must be above least_width_px = {self.least_width_px}"
+            )
+        return self
+
+
+@settings
+class GeneticSearch:
+    """The published search; the defaults are the source's."""
+
+    population: int = Field(50, ge=4, le=1000)
+    crossover_rate: float = Field(0.45, ge=0, le=1)
+    mutation_rate: float = Field(0.05, ge=0, le=1)
+    generations: tuple[int, int, int] = Field((180, 120, 25), description="per stage, table 4")
+    transition_frames: int = Field(5, ge=0, description="frames 2 to 6 use the second stage")
+    first_left: Region = Region(a=(-0.005, 0.005), b=(0.3, 2.3), c=(-100.0, 150.0))
+    first_right: Region = Region(a=(-0.005, 0.005), b=(-2.3, -0.3), c=(200.0, 450.0))
+    transition: Reach = Reach(a=0.003, b=0.6, c=60.0)
+    tracking: Reach = Reach(a=0.001, b=0.15, c=15.0)
+    objective: Objective = Objective()
+    restart: Restart = Restart()
+
+    @model_validator(mode="after")
+    def _searchable(self) -> Self:
+        if min(self.generations) < 1 or max(self.generations) > 100_000:
+            raise ValueError(f"generations = {self.generations}: each must be 1 to 100000")
+        for side in (self.first_left, self.first_right):
+            lengths = [
+                bits_needed(high - low, m) for (low, high), m in zip(_pairs(side), DECIMALS, strict=True)
+            ]
+            if not 4 <= sum(lengths) <= MOST_BITS:
+                raise ValueError(f"the first region needs {sum(lengths)} bits: 4 to {MOST_BITS} are possible")
+        return self
+
+
+class SearchNumbers(NamedTuple):
+    """The search as kernels take it."""
+
+    population: int
+    crossover_rate: float
+    mutation_rate: float
+    generations: Array  # (3,) int64 per stage
+    transition_frames: int
+    bits: Array  # (2, 3, 3) int64 side, stage, parameter
+    first: Array  # (2, 3, 2) side, parameter, low and high
+    reach: Array  # (2, 3) transition and tracking, parameter
+    stencils: Array
+    alpha: Array
+    region: tuple[int, int, int]
+    minimum_blocks: int
+    restarts: bool
+    patience: int
+    least_score: float
+    least_width: float
+    greatest_width: float
+    center: float
+    crossed_by: float
+
+
+class SearchState(NamedTuple):
+    """What n vehicles carry from frame to frame."""
+
+    key: Array  # (n,) uint64 of the random stream
+    frame: Array  # (n,) int64 frames searched: the random stream's position
+    age: Array  # (n, 2) int32 frames since the (re)start of the left and the right border
+    failing: Array  # (n, 2) int32 frames in a row in which the border failed
+    border: Array  # (n, 2, 3) last result, left and right; NaN before the first
+    score: Array  # (n, 2) its objective F
+    shifted: Array  # (n,) int8: +1 the last search took over the lane on the left, -1 on the right
+
+
+def bits_needed(width: float, decimals: int) -> int:
+    """k of eq. 4, 2ᵏ⁻¹ < (x₂ - x₁)·10ᵐ < 2ᵏ; a width of exactly 2ᵏ steps, which eq. 4 leaves out, takes k."""
+    return max(1, math.ceil(math.log2(round(width * 10**decimals, 6))))
+
+
+def _pairs(region: Region) -> tuple[Interval, Interval, Interval]:
+    return region.a, region.b, region.c
+
+
+def search_numbers(search: GeneticSearch) -> SearchNumbers:
+    """The kernel's view of the search."""
+    first = np.array([_pairs(search.first_left), _pairs(search.first_right)])
+    reach = np.array([[r.a, r.b, r.c] for r in (search.transition, search.tracking)])
+    widths = np.stack([first[:, :, 1] - first[:, :, 0], *(np.tile(2 * r, (2, 1)) for r in reach)], axis=1)
+    bits = [
+        [[bits_needed(w, m) for w, m in zip(row, DECIMALS, strict=True)] for row in side] for side in widths
+    ]
+    restart = search.restart
+    return SearchNumbers(
+        search.population,
+        search.crossover_rate,
+        search.mutation_rate,
+        np.array(search.generations, np.int64),
+        search.transition_frames,
+        np.array(bits, np.int64),
+        first,
+        reach,
+        *objective_numbers(search.objective),
+        restart.enabled,
+        restart.patience,
+        restart.least_score,
+        restart.least_width_px,
+        restart.greatest_width_px,
+        restart.center_px,
+        restart.crossed_by_px,
+    )
+
+
+def init(keys: Array) -> SearchState:
+    """State before the first frame; keys (n,) uint64 from `sumo_net.randomness.stream_key`."""
+    n = len(keys)
+    return SearchState(
+        np.asarray(keys, np.uint64),
+        np.zeros(n, np.int64),
+        np.zeros((n, 2), np.int32),
+        np.zeros((n, 2), np.int32),
+        np.full((n, 2, 3), np.nan),
+        np.full((n, 2), np.nan),
+        np.zeros(n, np.int8),
+    )
+
+
+def search(frames: Array, state: SearchState, numbers: SearchNumbers) -> tuple[SearchState, Borders]:
+    """Both borders in one frame of each of n vehicles.
+
+    frames (n, 240, 320) uint8; numbers from `search_numbers`. Raises ValueError where frames and state do not
+    fit together.
+    """
+    check_frames(frames)
+    if len(frames) != len(state.key):
+        raise ValueError(f"{len(frames)} frames for the state of {len(state.key)} vehicles")
+    after = SearchState(*(np.empty_like(part) for part in state))
+    search_kernel(np.ascontiguousarray(frames), state, numbers, after)
+    left, right = (np.ascontiguousarray(after.border[:, side]) for side in range(2))
+    return after, Borders(left, right, after.score.copy())

@@ -1,0 +1,129 @@
+"""Borders in the image <-> the road in the ground plane.
+
+The road model is left = X₀ + e·X + K·X²/2 in the vehicle frame (X forward from the centre of gravity), both
+borders sharing the heading e and the curvature K. The default camera sees it at x = 160 - X₀·u/h - e·f -
+K·h·f²/(2u), u = 157 - y (X₀, e and K left positive; small angles): a parabola in x only as far as K is 0.
+"""
+
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from camera_synth.camera import WIDTH_PX, Camera, projection
+from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.geometry_kernels import lane_estimate_kernel, parabolas_kernel
+from sumo_net.settings import settings
+
+Array = np.ndarray[Any, Any]
+
+
+@settings
+class Plausibility:
+    """How borders of the published search become a lane, and when they are believed."""
+
+    farthest_m: float = Field(60.0, gt=5, description="border points beyond are left out of the fit")
+    least_score: float = Field(8.0, gt=0, description="objective F, grey levels, from which a border counts")
+    full_score: float = Field(40.0, gt=0, description="F of a border that scores 1")
+    least_width_m: float = Field(2.3, gt=0)
+    greatest_width_m: float = Field(5.0, gt=0)
+    greatest_heading: float = Field(0.35, gt=0, description="lane's slope against the vehicle's axis")
+    greatest_curvature_1pm: float = Field(0.02, gt=0)
+    inset_m: float = Field(
+        0.075,
+        ge=0,
+        description="from the border to the marking's inner edge, where the objective is greatest: "
+        "half a marking's width",
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.greatest_width_m <= self.least_width_m:
+            raise ValueError(
+                f"greatest_width_m = {self.greatest_width_m}: must be above least_width_m = {self.least_width_m}"
+            )
+        return self
+
+
+class PlausibilityNumbers(NamedTuple):
+    """Plausibility as kernels take it."""
+
+    farthest: float
+    least_score: float
+    full_score: float
+    least_width: float
+    greatest_width: float
+    greatest_slope: float
+    greatest_curvature: float
+    inset: float
+
+
+def plausibility_numbers(plausibility: Plausibility) -> PlausibilityNumbers:
+    """The kernel's view of the plausibility settings."""
+    p = plausibility
+    return PlausibilityNumbers(
+        p.farthest_m,
+        p.least_score,
+        p.full_score,
+        p.least_width_m,
+        p.greatest_width_m,
+        p.greatest_heading,
+        p.greatest_curvature_1pm,
+        p.inset_m,
+    )
+
+
+def lane_estimate_from_borders(
+    borders: Borders, shifted: Array, camera: Camera, plausibility: Plausibility | None = None
+) -> LaneEstimate:
+    """The lane of n vehicles from their borders in the image (`paper` mode).
+
+    Border points are carried to the road by the camera's exact geometry and fitted by the road model.
+    `shifted` (n,) int8 is the search state's. A lane is locked if both borders are seen, its width, heading
+    and curvature are plausible; else its numbers are NaN. Raises ValueError for a camera without a preview
+    point.
+    """
+    n = len(borders.score)
+    out = LaneEstimate(
+        np.empty(n, np.bool_),
+        *(np.empty(n) for _ in range(8)),
+        np.empty(n, np.bool_),
+        np.empty(n, np.bool_),
+        np.array(shifted, np.int8),
+    )
+    lane_estimate_kernel(
+        np.ascontiguousarray(borders.left, np.float64),
+        np.ascontiguousarray(borders.right, np.float64),
+        np.ascontiguousarray(borders.score, np.float64),
+        projection(camera),
+        camera.preview_m,
+        WIDTH_PX,
+        plausibility_numbers(plausibility or Plausibility()),
+        out,
+    )
+    return out
+
+
+def parabolas_from_road(
+    offset_m: Array,
+    slope: Array,
+    curvature_1pm: Array,
+    curvature_rate_1pm2: Array,
+    farthest_m: Array,
+    camera: Camera,
+) -> Array:
+    """(n, 3) a, b, c of the parabola nearest to what the camera sees of a border in the ground plane.
+
+    The border is left = offset + slope·X + curvature·X²/2 + rate·X³/6 from the centre of gravity, seen as far
+    as farthest_m; all (n,). NaN where fewer than three processed rows see it.
+    """
+    numbers = (offset_m, slope, curvature_1pm, curvature_rate_1pm2)
+    borders = np.empty((len(offset_m), 3))
+    parabolas_kernel(
+        *(np.ascontiguousarray(part, np.float64) for part in numbers),
+        projection(camera),
+        np.ascontiguousarray(farthest_m, np.float64),
+        WIDTH_PX,
+        borders,
+    )
+    return borders

@@ -1,0 +1,165 @@
+"""Kernels between borders in the image and the road model in the ground plane."""
+
+import math
+
+import numpy as np
+
+from camera_synth.camera import image_from_vehicle, vehicle_from_image
+from sumo_net.compile import kernel
+
+
+@kernel
+def solve(A, b, n):  # type: ignore[no-untyped-def]
+    """Solve the leading n×n of A·x = b for symmetric positive definite A, in place (x in b); False if it is not.
+
+    Cholesky; only A's lower triangle is read.
+    """
+    for i in range(n):
+        for j in range(i + 1):
+            total = A[i, j]
+            for k in range(j):
+                total -= A[i, k] * A[j, k]
+            if i > j:
+                A[i, j] = total / A[j, j]
+            elif total > 1e-12 * abs(A[i, i]):
+                A[i, i] = math.sqrt(total)
+            else:
+                return False
+    for i in range(n):
+        for k in range(i):
+            b[i] -= A[i, k] * b[k]
+        b[i] /= A[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= A[k, i] * b[k]
+        b[i] /= A[i, i]
+    return True
+
+
+@kernel
+def road_of_borders(left, right, camera, farthest, columns, spacing, A, road):  # type: ignore[no-untyped-def]
+    """Fit both borders at once by left = X₀ + e·X + K·X²/2; road = (X₀ left, X₀ right, e, K). False if unseen.
+
+    left, right (3,) a, b, c. Every third of the processed rows gives a point where the border is inside the
+    image and not farther than `farthest`; its weight is that of one pixel of error, (focal/depth)². A (4, 4)
+    is scratch. Lengths are scaled by `spacing` within, which keeps the equations well conditioned.
+    """
+    A[:] = 0.0
+    road[:] = 0.0
+    row = np.empty(4)
+    for side in range(2):
+        border = left if side == 0 else right
+        seen = 0
+        for i in range(50):
+            y = 1.0 + 3.0 * i
+            x = (border[0] * y + border[1]) * y + border[2]
+            if not 0.0 <= x <= columns - 1.0:
+                continue
+            forward, aside = vehicle_from_image(x, y, camera)
+            if not 0.0 < forward <= farthest:  # also where NaN: above the horizon
+                continue
+            weight = (spacing / (forward - camera.forward)) ** 2
+            reach = forward / spacing
+            row[0], row[1], row[2], row[3] = 1.0 - side, 1.0 * side, reach, reach * reach / 2.0
+            for j in range(4):
+                road[j] += weight * row[j] * aside
+                for k in range(j + 1):
+                    A[j, k] += weight * row[j] * row[k]
+            seen += 1
+        if seen < 3:
+            return False
+    if not solve(A, road, 4):
+        return False
+    road[2] /= spacing
+    road[3] /= spacing * spacing
+    return True
+
+
+@kernel
+def lane_estimate_kernel(left, right, score, camera, preview, columns, n, out):  # type: ignore[no-untyped-def]
+    """Fill the LaneEstimate `out` from borders (see lane_estimate_from_borders); n are its numbers."""
+    A = np.empty((4, 4))
+    road = np.empty(4)
+    for v in range(left.shape[0]):
+        out.left_border_seen[v] = score[v, 0] >= n.least_score
+        out.right_border_seen[v] = score[v, 1] >= n.least_score
+        quality = 0.5 * (_share(score[v, 0], n.full_score) + _share(score[v, 1], n.full_score))
+        out.score[v] = quality
+        out.locked[v] = False
+        out.lateral_offset_m[v] = math.nan
+        out.heading_error_rad[v] = math.nan
+        out.curvature_1pm[v] = math.nan
+        out.curvature_rate_1pm2[v] = math.nan
+        out.lane_width_m[v] = math.nan
+        out.preview_offset_m[v] = math.nan
+        out.preview_heading_rad[v] = math.nan
+        if not (out.left_border_seen[v] and out.right_border_seen[v]):
+            continue
+        if not road_of_borders(left[v], right[v], camera, n.farthest, columns, 10.0, A, road):
+            continue
+        slope, bend = road[2], road[3]
+        along = 1.0 / math.sqrt(1.0 + slope * slope)  # cosine of the lane's heading
+        width = (road[0] - road[1]) * along + 2.0 * n.inset
+        if not n.least_width <= width <= n.greatest_width:
+            continue
+        if abs(slope) > n.greatest_slope or abs(bend) > n.greatest_curvature:
+            continue
+        middle = 0.5 * (road[0] + road[1])
+        slope_there = slope + bend * preview
+        out.locked[v] = True
+        out.lateral_offset_m[v] = -middle * along
+        out.heading_error_rad[v] = -math.atan(slope)
+        out.curvature_1pm[v] = bend / (1.0 + slope_there * slope_there) ** 1.5
+        out.curvature_rate_1pm2[v] = 0.0
+        out.lane_width_m[v] = width
+        out.preview_offset_m[v] = middle + (slope + 0.5 * bend * preview) * preview
+        out.preview_heading_rad[v] = math.atan(slope_there)
+
+
+@kernel
+def _share(score, full):  # type: ignore[no-untyped-def]
+    return min(1.0, max(0.0, score / full))
+
+
+@kernel
+def parabola_of_road(offset, slope, curvature, rate, camera, farthest, columns, A, border):  # type: ignore[no-untyped-def]
+    """Fit x = a·y² + b·y + c to left = X₀ + e·X + K·X²/2 + K'·X³/6 as the camera sees it; False if unseen.
+
+    Least squares in x over the processed rows where the border is inside the image and not farther than
+    `farthest`. Writes border (3,); A (≥ 3, ≥ 3) is scratch.
+    """
+    A[:3, :3] = 0.0
+    border[:] = 0.0
+    row = np.empty(3)
+    seen = 0
+    for i in range(50):
+        ahead, _ = vehicle_from_image(camera.center_x, 1.0 + 3.0 * i, camera)
+        if not 0.0 < ahead <= farthest:
+            continue
+        aside = offset + (slope + (curvature / 2.0 + rate / 6.0 * ahead) * ahead) * ahead
+        x, y, depth = image_from_vehicle(ahead, aside, 0.0, camera)
+        if not (depth > 0.0 and 0.0 <= x <= columns - 1.0):
+            continue
+        height = y / 100.0  # scaled: y⁴ next to 1 is badly conditioned
+        row[0], row[1], row[2] = height * height, height, 1.0
+        for j in range(3):
+            border[j] += row[j] * x
+            for k in range(j + 1):
+                A[j, k] += row[j] * row[k]
+        seen += 1
+    if seen < 3 or not solve(A, border, 3):
+        border[:] = math.nan
+        return False
+    border[0] /= 1e4
+    border[1] /= 1e2
+    return True
+
+
+@kernel
+def parabolas_kernel(offset, slope, curvature, rate, camera, farthest, columns, borders):  # type: ignore[no-untyped-def]
+    """borders[v] (3,) of every vehicle's ground-plane border; NaN where it is not seen."""
+    A = np.empty((3, 3))
+    for v in range(offset.shape[0]):
+        parabola_of_road(
+            offset[v], slope[v], curvature[v], rate[v], camera, farthest[v], columns, A, borders[v]
+        )
