@@ -1,0 +1,167 @@
+"""Scenarios: a road, who drives on it, who is equipped; built in, or from the user's TOML or .sumocfg."""
+
+import contextlib
+import dataclasses
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any, Self
+
+import pydantic
+from pydantic import Field
+
+from sumo_net.configuration import prepare_configuration
+from sumo_net.demand import Demand, read_net, write_highway_demand, write_network_demand
+from sumo_net.equipment import Equipment
+from sumo_net.highway import Highway
+from sumo_net.network import BuildError, BuiltNetwork, build
+from sumo_net.settings import SettingsError, read, read_toml, settings
+
+DEFAULT_SCENARIO = "highway"
+
+
+@settings
+class Scenario:
+    """The world of a run. One of `highway` (the default), `net_file` and `configuration` is the road."""
+
+    title: str = Field("", description="one line for lists")
+    purpose: str = Field("", description="what the scenario is for")
+    duration_s: float = Field(120.0, gt=0, le=86_400, description="that is recorded, after the warm-up")
+    warm_up_s: float = Field(10.0, ge=0, le=86_400, description="SUMO alone, before the recorded time")
+    seed: int = Field(1, ge=0, lt=2**31, description="of SUMO and of everything drawn here")
+    configuration: str = Field("", description="a .sumocfg that is run as it is, with its own demand")
+    net_file: str = Field("", description="a .net.xml on which `demand` drives")
+    highway: Highway = Field(default_factory=Highway, description="built where no file is named")
+    demand: Demand = Field(default_factory=Demand)
+    equipment: Equipment = Field(default_factory=Equipment)
+    time_to_teleport_s: float | None = Field(
+        None, description="SUMO takes a jammed vehicle away after this; -1 never; none: as SUMO has it"
+    )
+
+    @pydantic.model_validator(mode="after")
+    def _one_road(self) -> Self:
+        if self.configuration and self.net_file:
+            raise ValueError(
+                f"configuration = '{self.configuration}' and net_file = '{self.net_file}': name only one"
+            )
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedRun:
+    """What is needed to start: SUMO's arguments (Traffic.start takes them) and where the road comes from."""
+
+    arguments: tuple[str, ...]
+    network: BuiltNetwork | Path  # the built highway, or a .net.xml
+    begin_s: float  # SUMO's time at the start
+    warm_up_steps: int
+    recorded_steps: int
+    notes: tuple[str, ...]  # what the user should be told before the run
+
+
+def scenario_files() -> dict[str, Path]:
+    """The built-in scenarios' files by name, the default one first."""
+    folder = resources.files("sumo_net") / "scenarios"
+    found = {
+        Path(str(file)).stem: Path(str(file)) for file in folder.iterdir() if file.name.endswith(".toml")
+    }
+    return dict(sorted(found.items(), key=lambda item: (item[0] != DEFAULT_SCENARIO, item[0])))
+
+
+def list_scenarios() -> list[tuple[str, str]]:
+    """(name, title) of the built-in scenarios."""
+    return [(name, str(read_toml(path).get("title", ""))) for name, path in scenario_files().items()]
+
+
+def scenario_mapping(source: str) -> tuple[dict[str, Any], Path]:
+    """The settings behind a built-in name, a .toml or a .sumocfg (or .net.xml), and the file they are from.
+
+    Paths in them are made absolute: they are relative to the file. Raises SettingsError.
+    """
+    path = Path(source)
+    if source.endswith((".sumocfg", ".net.xml", ".net.xml.gz")):
+        if not path.is_file():
+            raise SettingsError(f"{source}: no such file")
+        key = "configuration" if path.suffix == ".sumocfg" else "net_file"
+        return {"title": path.name, key: str(path.resolve()), "warm_up_s": 0.0}, path
+    if path.suffix != ".toml":
+        files = scenario_files()
+        if source not in files:
+            raise SettingsError(
+                f"no scenario '{source}': built in are {', '.join(files)}; or name a .toml or a .sumocfg file"
+            )
+        path = files[source]
+    mapping = read_toml(path)
+    for key in ("configuration", "net_file"):
+        if isinstance(mapping.get(key), str) and mapping[key]:
+            mapping[key] = str((path.parent / mapping[key]).resolve())
+    return mapping, path
+
+
+def load_scenario(source: str) -> Scenario:
+    """A built-in scenario by name, or the user's own file. Raises SettingsError."""
+    mapping, path = scenario_mapping(source)
+    return read(Scenario, mapping, str(path))
+
+
+def prepare(scenario: Scenario, directory: Path, seed: int | None = None) -> PreparedRun:
+    """Write what SUMO needs into `directory` (made where missing); nothing is written anywhere else.
+
+    `seed` overrides the scenario's. Raises SettingsError, before SUMO runs.
+    """
+    seed = scenario.seed if seed is None else seed
+    directory.mkdir(parents=True, exist_ok=True)
+    directory = directory.resolve()
+    warm_up, recorded = round(scenario.warm_up_s * 10), max(1, round(scenario.duration_s * 10))
+    options = {
+        "step-length": "0.1",
+        "seed": str(seed),
+        "lateral-resolution": "-1",
+        "lanechange.duration": "0",
+        "no-step-log": "true",
+        "no-warnings": "true",
+        "duration-log.disable": "true",
+    }
+    if scenario.time_to_teleport_s is not None:
+        options["time-to-teleport"] = f"{scenario.time_to_teleport_s:g}"
+    if scenario.configuration:
+        done = prepare_configuration(Path(scenario.configuration), directory, options)
+        # Where the file ends earlier, SUMO goes on: the end is what was asked for here.
+        arguments: tuple[str, ...] = (
+            "-c",
+            str(done.file),
+            "--end",
+            f"{done.begin_s + (warm_up + recorded) / 10:.1f}",
+        )
+        read_net(done.net_file)
+        return PreparedRun(arguments, done.net_file, done.begin_s, warm_up, recorded, done.notes)
+    network = _road(scenario, directory)
+    end = (warm_up + recorded) / 10
+    routes = directory / "demand.rou.xml"
+    if isinstance(network, BuiltNetwork):
+        write_highway_demand(scenario.demand, network, end, seed, routes)
+        options |= {"net-file": str(network.net_file), "collision.action": "warn"}
+        options.setdefault("time-to-teleport", "-1")
+    else:
+        write_network_demand(scenario.demand, network, end, seed, routes)
+        options["net-file"] = str(network)
+    options |= {"route-files": str(routes), "begin": "0", "end": f"{end:.1f}", "max-depart-delay": "10"}
+    arguments = tuple(word for name, value in options.items() for word in (f"--{name}", value))
+    return PreparedRun(arguments, network, 0.0, warm_up, recorded, ())
+
+
+def with_changes(scenario: Scenario, **changes: Any) -> Scenario:
+    """The scenario with top-level fields replaced, checked again. Raises SettingsError."""
+    with contextlib.suppress(pydantic.ValidationError):
+        return dataclasses.replace(scenario, **changes)
+    fields = {field.name: getattr(scenario, field.name) for field in dataclasses.fields(scenario)}
+    return read(Scenario, fields | changes, "options")
+
+
+def _road(scenario: Scenario, directory: Path) -> BuiltNetwork | Path:
+    if scenario.net_file:
+        return Path(scenario.net_file)
+    try:
+        return build(scenario.highway, directory)
+    except BuildError as error:
+        raise SettingsError(str(error)) from None
