@@ -1,7 +1,7 @@
 """Planar frames: angle wrapping, SUMO's angles, and the vehicle frame of ISO 8855.
 
-World: x east, y north, headings counter-clockwise from +x. Vehicle: x forward, y left, origin at the centre of
-gravity. SUMO: angles in degrees clockwise from north, position of a vehicle = centre of its front bumper.
+World: x east, y north, headings counter-clockwise from +x. Vehicle: x forward, y left, origin at the centre
+of gravity. SUMO: angles in degrees clockwise from north, position of a vehicle = centre of its front bumper.
 
 Everything here is a compiled kernel that takes scalars or arrays of one shape (float64), so it serves other
 kernels and numpy code alike. Transforms are named `target_from_source`.
@@ -18,10 +18,8 @@ _TURN = 2.0 * math.pi
 
 @kernel
 def wrap_angle(angle):  # type: ignore[no-untyped-def]
-    """The same angle in [-π, π), rad."""
-    wrapped = angle - _TURN * np.floor((angle + math.pi) / _TURN)
-    # Rounding may leave +π for an angle just below −π.
-    return np.where(wrapped >= math.pi, wrapped - _TURN, wrapped) + 0.0
+    """The same angle in [-π, π), rad (rounding may give +π for an angle just below an odd multiple)."""
+    return angle - _TURN * np.floor((angle + math.pi) / _TURN)
 
 
 @kernel

@@ -1,5 +1,19 @@
-"""The smooth road of lane paths, from any SUMO lane shapes: pose, curvature, borders at a station."""
+"""The smooth road of lane paths, from any SUMO lane shapes: pose, curvature, borders at a station.
 
+`RoadNetwork.path` names a path by a lane and the route ahead, fits it when it is first asked for, and keeps it
+in `RoadNetwork.table`, on which the kernels of `road_kernels` work.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from sumo_net import lane_chain, lane_graph, road_fit
+from sumo_net.lane_graph import LaneGraph, NetworkError
+from sumo_net.network import BuiltNetwork, Carriageway
+from sumo_net.road_fit import SmoothPath
+from sumo_net.road_marking import Markings
+from sumo_net.road_store import RoadStore
 from sumo_net.road_table import (
     AHEAD_M,
     DASHED,
@@ -20,6 +34,106 @@ __all__ = [
     "OWN_RIGHT",
     "SOLID",
     "Array",
+    "NetworkError",
     "RoadAhead",
+    "RoadNetwork",
     "RoadTable",
 ]
+
+_SHOULDER_M = 0.5  # asphalt outside the outer borders of a user's network
+
+
+class RoadNetwork:
+    """The smooth roads of one SUMO network."""
+
+    def __init__(
+        self,
+        graph: LaneGraph,
+        shoulder_right_m: float = _SHOULDER_M,
+        shoulder_left_m: float = _SHOULDER_M,
+        built: BuiltNetwork | None = None,
+    ) -> None:
+        self.graph = graph
+        self._markings = Markings(graph, shoulder_right_m, shoulder_left_m)
+        self._store = RoadStore()
+        self._errors: list[float] = []
+        self._by_lanes: dict[tuple[tuple[str, ...], int], int] = {}
+        self._by_route: dict[tuple[str, tuple[str, ...], str], int] = {}
+        self._ways: dict[str, tuple[Carriageway, float]] = {}  # edge -> its direction and that one's first x
+        self._built = built
+        if built is not None:
+            self._ways = {edge: (way, 0.0) for way in built.carriageways for edge in way.edges}
+
+    @classmethod
+    def from_net_file(cls, path: Path) -> "RoadNetwork":
+        """Roads fitted to the lane shapes of a `.net.xml` (or `.net.xml.gz`).
+
+        Raises NetworkError (a ValueError) that names the file: missing, malformed, or without a lane for cars.
+        """
+        return cls(lane_graph.read(path))
+
+    @classmethod
+    def from_highway(cls, built: BuiltNetwork) -> "RoadNetwork":
+        """The built-in highway: paths are taken from its exact alignment, not fitted."""
+        highway = built.highway
+        graph = lane_graph.read(built.net_file)
+        return cls(graph, highway.shoulder_right_m, highway.shoulder_left_m, built)
+
+    @property
+    def table(self) -> RoadTable:
+        """All paths so far. Take it anew after `path` was called."""
+        return self._store.table
+
+    def drivable_edges(self) -> list[str]:
+        """Edges with a lane for passenger cars."""
+        return self.graph.drivable_edges()
+
+    def path(self, lane_id: str, route_ahead: tuple[str, ...] = (), came_from: str = "") -> int:
+        """Number of the path of a lane: the lane, the lanes behind it and those ahead along the route.
+
+        route_ahead: edges from the present one on. came_from: the lane the vehicle was on before, where
+        known; it matters behind the start of the lane after a turn. Raises KeyError for an unknown lane.
+        """
+        asked = (lane_id, route_ahead, came_from)
+        if asked not in self._by_route:
+            behind = lane_chain.lanes_behind(self.graph, lane_id, came_from)
+            lanes = (*behind, lane_id, *lane_chain.lanes_ahead(self.graph, lane_id, route_ahead))
+            key = (lanes, len(behind))
+            if key not in self._by_lanes:
+                self._by_lanes[key] = self._add(lanes, len(behind))
+            self._by_route[asked] = self._by_lanes[key]
+        return self._by_route[asked]
+
+    def shape_fit_error(self, path: int) -> float:
+        """Largest lateral distance between the path and SUMO's lane shapes, m (0 for the exact highway)."""
+        return self._errors[path]
+
+    def _add(self, lanes: tuple[str, ...], own: int) -> int:
+        smooth = self._exact(lanes) if self._ways else None
+        if smooth is None:
+            smooth = road_fit.fit([self.graph.lanes[lane].shape for lane in lanes])
+        self._errors.append(smooth.error_m)
+        sections = [self._markings.section(lane) for lane in lanes]
+        return self._store.append(smooth, sections, own, self.graph.lanes[lanes[own]].length_m)
+
+    def _exact(self, lanes: tuple[str, ...]) -> SmoothPath | None:
+        assert self._built is not None
+        on_edges = [self.graph.lanes[lane] for lane in lanes if not self.graph.lanes[lane].internal]
+        if len({lane.index for lane in on_edges}) != 1 or on_edges[0].edge not in self._ways:
+            return None
+        way = self._ways[on_edges[0].edge][0]
+        offset = self._built.highway.lane_offset_m(on_edges[0].index)
+        nodes = way.alignment.offset_length(way.start_m, offset)
+        starts, ends = np.empty(len(lanes)), np.empty(len(lanes))
+        at = way.edges.index(on_edges[0].edge)
+        for k, lane in enumerate(lanes):
+            internal = self.graph.lanes[lane].internal
+            starts[k] = nodes[at]
+            if not internal:
+                at += 1
+            ends[k] = nodes[at]
+        length = float(ends[-1] - starts[0])
+        count = max(round(length / road_fit.SPACING_M), 2)
+        s = way.alignment.station_of_offset_length(starts[0] + np.linspace(0.0, length, count + 1), offset)
+        x, y, heading, curvature = way.alignment.offset_pose_at(s, offset)
+        return SmoothPath(length / count, x, y, heading, curvature, starts - starts[0], ends - starts[0], 0.0)

@@ -1,0 +1,73 @@
+"""Which lanes a path runs through: behind a lane, and ahead of it along a route."""
+
+from sumo_net.lane_graph import Connection, LaneGraph
+
+BEHIND_M = 100.0  # so that the fit is settled 60 m behind the lane
+AHEAD_M = 260.0  # and 220 m beyond it
+_MOST_LANES = 1000
+
+
+def lanes_behind(graph: LaneGraph, lane: str, came_from: str = "") -> list[str]:
+    """Lanes that lead to `lane`, in driving order, BEHIND_M or more where the road has them.
+
+    `came_from`: the lane the vehicle was on before; without it, the straightest way in.
+    """
+    found: list[str] = []
+    length, at = 0.0, lane
+    while length < BEHIND_M and len(found) < _MOST_LANES:
+        inward = [c for c in graph.inward.get(at, []) if c.direction != "t" or c.source == came_from]
+        if not inward:
+            break
+        at = min(inward, key=lambda c: _strangeness(graph, c, came_from)).source
+        found.append(at)
+        length += graph.lanes[at].length_m
+    return found[::-1]
+
+
+def _strangeness(graph: LaneGraph, connection: Connection, came_from: str) -> tuple[bool, bool]:
+    # Ties fall to the straightest, for the graph sorts them so.
+    source = connection.source
+    before = [source, *(c.source for c in graph.inward.get(source, []))]
+    return came_from not in before, not graph.lanes[source].drivable
+
+
+def lanes_ahead(graph: LaneGraph, lane: str, route_ahead: tuple[str, ...]) -> list[str]:
+    """Lanes that follow `lane` along the route's edges, AHEAD_M or more where the road goes on.
+
+    After the route, or where the lane does not lead to its next edge, the straightest way on.
+    """
+    found: list[str] = []
+    length, at = 0.0, lane
+    edges = list(route_ahead)
+    edge = graph.lanes[lane].edge
+    if edge in edges:
+        edges = edges[edges.index(edge) + 1 :]
+    elif not graph.lanes[lane].internal:
+        edges = []  # the vehicle is off its route
+    while length < AHEAD_M and len(found) < _MOST_LANES:
+        onward = [c for c in graph.onward.get(at, []) if graph.lanes[c.target].drivable]
+        if not onward:
+            break
+        # In a junction the route may still begin with the edge before it.
+        targets = {graph.lanes[c.target].edge for c in onward}
+        if graph.lanes[at].internal and len(edges) > 1 and edges[0] not in targets and edges[1] in targets:
+            edges = edges[1:]
+        wanted = edges[0] if edges else ""
+        if wanted not in targets:
+            edges, wanted = [], ""
+        after = edges[1] if len(edges) > 1 else ""
+        best = min(onward, key=lambda c: _detour(graph, c, wanted, after))
+        at = best.via or best.target
+        found.append(at)
+        if not graph.lanes[at].internal:
+            edges = edges[1:]
+        length += graph.lanes[at].length_m
+    return found
+
+
+def _detour(graph: LaneGraph, connection: Connection, wanted: str, after: str) -> tuple[bool, bool, bool]:
+    target = graph.lanes[connection.target]
+    leads_on = not after or any(
+        graph.lanes[c.target].edge == after for c in graph.onward.get(connection.target, [])
+    )
+    return wanted not in ("", target.edge), not leads_on, connection.direction == "t"

@@ -1,0 +1,195 @@
+"""Lanes and connections of a SUMO network file (`.net.xml`, plain or gzip)."""
+
+import gzip
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+
+from sumo_net.road_table import Array
+
+DEFAULT_WIDTH_M = 3.2  # SUMO's, where a lane gives none
+_STRAIGHT_FIRST = {"s": 0, "l": 1, "r": 1, "L": 1, "R": 1, "t": 9}  # how far a connection's direction turns
+
+
+class NetworkError(ValueError):
+    """A network file that cannot be used; the message names the file."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lane:
+    """One SUMO lane."""
+
+    id: str
+    edge: str
+    index: int  # 0 rightmost
+    length_m: float  # SUMO's, which need not be the shape's
+    width_m: float
+    speed_limit_mps: float
+    drivable: bool  # passenger cars may use it
+    walkable_only: bool  # a pavement or crossing
+    internal: bool
+    shape: Array  # (points, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """From a lane to a lane; `via` is the internal lane between them, or ''."""
+
+    source: str
+    target: str
+    via: str
+    direction: str
+
+
+@dataclass(slots=True)
+class Edge:
+    """One SUMO edge; lanes from right to left."""
+
+    id: str
+    source: str  # node, '' for internal edges
+    target: str
+    internal: bool
+    lanes: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class LaneGraph:
+    """Everything about lanes that the road needs."""
+
+    file: Path
+    edges: dict[str, Edge] = field(default_factory=dict)
+    lanes: dict[str, Lane] = field(default_factory=dict)
+    onward: dict[str, list[Connection]] = field(default_factory=dict)  # by source lane
+    inward: dict[str, list[Connection]] = field(default_factory=dict)  # by target lane, and by internal lane
+    decimals: int = 2  # of the shapes
+
+    def drivable_edges(self) -> list[str]:
+        """Edges (not internal) with a lane for passenger cars, in the file's order."""
+        return [
+            edge.id
+            for edge in self.edges.values()
+            if not edge.internal and any(self.lanes[lane].drivable for lane in edge.lanes)
+        ]
+
+    def next_lanes(self, lane: str) -> list[tuple[str, str, str]]:
+        """(lane entered, edge that is finally reached, direction) of each way on from a lane."""
+        return [
+            (c.via or c.target, self.lanes[c.target].edge, c.direction) for c in self.onward.get(lane, [])
+        ]
+
+
+def read(file: Path) -> LaneGraph:
+    """Read a network. Raises NetworkError: no such file, not XML, XML entities, no lane for passenger cars."""
+    reader = _Reader(LaneGraph(file))
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = reader.start
+    parser.EntityDeclHandler = reader.refuse_entity
+    try:
+        with file.open("rb") as raw:
+            zipped = raw.read(2) == b"\x1f\x8b"
+        with gzip.open(file) if zipped else file.open("rb") as text:
+            parser.ParseFile(text)
+    except FileNotFoundError:
+        raise NetworkError(f"{file}: no such file") from None
+    except (OSError, EOFError) as error:
+        raise NetworkError(f"{file}: cannot be read ({error})") from None
+    except expat.ExpatError as error:
+        raise NetworkError(f"{file}: is not well-formed XML: {error}") from None
+    except (KeyError, ValueError) as error:
+        if isinstance(error, NetworkError):
+            raise
+        what = f"attribute {error} is missing" if isinstance(error, KeyError) else str(error)
+        raise NetworkError(f"{file}: line {parser.CurrentLineNumber}: {what}") from None
+    return reader.finished()
+
+
+class _Reader:
+    def __init__(self, graph: LaneGraph) -> None:
+        self.graph = graph
+        self.edge: Edge | None = None
+        self.root = ""
+        self.connections: list[dict[str, str]] = []
+        self.decimals = 0
+
+    def refuse_entity(self, name: str, *_: object) -> None:
+        raise NetworkError(f"{self.graph.file}: declares the XML entity '{name}': not accepted")
+
+    def start(self, tag: str, given: dict[str, str]) -> None:
+        if not self.root:
+            self.root = tag
+            if tag != "net":
+                raise NetworkError(
+                    f"{self.graph.file}: is not a SUMO network: its root is <{tag}>, not <net>"
+                )
+        elif tag == "edge":
+            internal = given.get("function", "") != "" and given["id"].startswith(":")
+            self.edge = Edge(given["id"], given.get("from", ""), given.get("to", ""), internal)
+            self.graph.edges[self.edge.id] = self.edge
+        elif tag == "lane" and self.edge is not None:
+            self._lane(self.edge, given)
+        elif tag == "connection":
+            self.connections.append(given)
+
+    def _lane(self, edge: Edge, given: dict[str, str]) -> None:
+        points = [point.split(",")[:2] for point in given["shape"].split()]
+        shape = np.array(points, dtype=float).reshape(-1, 2)
+        if len(shape) < 2 or not np.isfinite(shape).all():
+            raise ValueError(f"lane '{given['id']}' has a shape of fewer than two points, or not finite")
+        length = float(given["length"])
+        width = float(given.get("width", DEFAULT_WIDTH_M))
+        if not (length > 0 and math.isfinite(length)):
+            raise ValueError(f"lane '{given['id']}': length = {length}: must be above 0")
+        if not (width >= 0 and math.isfinite(width)):
+            raise ValueError(f"lane '{given['id']}': width = {width}: must not be below 0")
+        if len(self.graph.lanes) < 1000:
+            self.decimals = max(
+                [self.decimals, *(len(c.partition(".")[2]) for point in points[:20] for c in point)]
+            )
+        lane = Lane(
+            id=given["id"],
+            edge=edge.id,
+            index=int(given["index"]),
+            length_m=length,
+            width_m=width,
+            speed_limit_mps=float(given.get("speed", 13.89)),
+            drivable=_allows("passenger", given) and width > 0,
+            walkable_only=given.get("allow", "").split() == ["pedestrian"],
+            internal=edge.internal,
+            shape=shape,
+        )
+        self.graph.lanes[lane.id] = lane
+        edge.lanes.append(lane.id)
+
+    def finished(self) -> LaneGraph:
+        graph = self.graph
+        for edge in graph.edges.values():
+            edge.lanes.sort(key=lambda lane: graph.lanes[lane].index)
+        for given in self.connections:
+            source = f"{given.get('from')}_{given.get('fromLane')}"
+            target = f"{given.get('to')}_{given.get('toLane')}"
+            via = given.get("via", "")
+            if source not in graph.lanes or target not in graph.lanes or (via and via not in graph.lanes):
+                raise NetworkError(f"{graph.file}: a connection names unknown lanes: {source} to {target}")
+            connection = Connection(source, target, via, given.get("dir", "s"))
+            graph.onward.setdefault(source, []).append(connection)
+            # A lane's predecessor is the internal lane that leads to it, an internal lane's the lane before.
+            graph.inward.setdefault(via or target, []).append(connection)
+        for connections in graph.onward.values():
+            connections.sort(key=lambda c: (_STRAIGHT_FIRST.get(c.direction, 1), c.target))
+        for connections in graph.inward.values():
+            connections.sort(key=lambda c: (_STRAIGHT_FIRST.get(c.direction, 1), c.source))
+        graph.decimals = self.decimals
+        if not graph.drivable_edges():
+            raise NetworkError(f"{graph.file}: has no lane that passenger cars may use")
+        return graph
+
+
+def _allows(vehicle_class: str, given: dict[str, str]) -> bool:
+    if "allow" in given:
+        allowed = given["allow"].split()
+        return vehicle_class in allowed or "all" in allowed
+    refused = given.get("disallow", "").split()
+    return vehicle_class not in refused and "all" not in refused

@@ -1,0 +1,199 @@
+"""A smooth road fitted to SUMO's lane shapes.
+
+SUMO's shapes are polylines. Read as samples of a smooth road they say more than their chords: a chord whose
+two ends turn the same way is the chord of an arc. So the shape is first given that bulge (the smaller of the
+two ends' curvatures, none where they disagree), and sampled every half metre. Then the curve p that minimises
+
+    Σ |p − q|² + Σ λ |Δ³p|²,    λ = (ℓ/h)⁶
+
+is taken (Whittaker 1923): a penalty on the third derivative leaves straights and arcs as they are and lets
+waves longer than about 2πℓ pass. ℓ starts at `SCALE_M` and shrinks where the curve strays further than
+`TOLERANCE_M` from the shape: at kinks and tight corners.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.linalg import solveh_banded
+
+from sumo_net.road_table import Array
+
+SCALE_M = 12.0  # ℓ where nothing speaks against it
+SHORTEST_SCALE_M = 0.4
+TOLERANCE_M = 0.02
+STEP_M = 0.5  # h
+SPACING_M = 1.0  # of the samples handed on
+_SHORT_CHORD_M = 1.0  # points closer than this say little about curvature
+_ROUNDS = 14
+_THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SmoothPath:
+    """A path sampled at a uniform spacing of arc length."""
+
+    spacing_m: float
+    x_m: Array  # (samples,)
+    y_m: Array
+    heading_rad: Array  # unwrapped
+    curvature_1pm: Array
+    lane_start_m: Array  # (lanes,) stations
+    lane_end_m: Array
+    error_m: float  # largest lateral distance from the lane shapes, bulged as above
+
+
+def fit(shapes: list[Array]) -> SmoothPath:
+    """Fit one smooth path to the shapes (points, 2) of consecutive lanes.
+
+    Raises ValueError where they are shorter than a metre together.
+    """
+    points, starts, ends = _concatenate(shapes)
+    q, along, at_points = _sample(points)
+    p = _smooth(q, float(along[1]))
+    h = float(along[1])
+    return _resample(p, q, at_points[starts] / h, at_points[ends] / h)
+
+
+def _concatenate(shapes: list[Array]) -> tuple[Array, Array, Array]:
+    # One polyline; a gap (networks without internal lanes) is bridged by a Hermite cubic.
+    parts: list[Array] = []
+    starts, ends, count = [], [], 0
+    for shape in shapes:
+        if parts:
+            before = parts[-1]
+            gap = float(np.hypot(*(shape[0] - before[-1])))
+            if gap > 1.0:
+                bridge = _bridge(before, shape, gap)
+                parts.append(bridge)
+                count += len(bridge)
+        starts.append(count)
+        parts.append(shape)
+        count += len(shape)
+        ends.append(count - 1)
+    return np.concatenate(parts), np.array(starts), np.array(ends)
+
+
+def _bridge(before: Array, after: Array, gap: float) -> Array:
+    out, into = before[-1] - before[-2], after[1] - after[0]
+    out, into = out / max(np.hypot(*out), 1e-9) * gap, into / max(np.hypot(*into), 1e-9) * gap
+    t = np.linspace(0.0, 1.0, max(int(gap), 2) + 1)[1:-1, None]
+    w = t * t * (3.0 - 2.0 * t)
+    bend = t * (1.0 - t) ** 2 * out + t * t * (t - 1.0) * into
+    return np.asarray(before[-1] + w * (after[0] - before[-1]) + bend)
+
+
+def _sample(points: Array) -> tuple[Array, Array, Array]:
+    # Half-metre samples of the bulged polyline, their parameter, and the parameter of every given point.
+    kept = [0]
+    parameter = np.zeros(len(points))
+    last = len(points) - 1
+    for k in range(1, len(points)):
+        gone = float(np.hypot(*(points[k] - points[kept[-1]])))
+        parameter[k] = parameter[kept[-1]] + gone
+        if gone >= _SHORT_CHORD_M:
+            kept.append(k)
+    if kept[-1] != last:  # the end itself stays, in place of a neighbour that is too close
+        if len(kept) > 1:
+            kept.pop()
+        gone = float(np.hypot(*(points[last] - points[kept[-1]])))
+        parameter[last] = parameter[kept[-1]] + gone
+        kept.append(last)
+        parameter = np.minimum(np.maximum.accumulate(parameter), parameter[last])
+    knots = points[kept]
+    chord = np.diff(knots, axis=0)
+    length = np.hypot(chord[:, 0], chord[:, 1])
+    total = float(length.sum())
+    if total < SPACING_M:
+        raise ValueError(f"a road of {total:.2f} m is too short to be fitted")
+    direction = np.arctan2(chord[:, 1], chord[:, 0])
+    turn = np.diff(direction)
+    turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
+    bend = np.concatenate([[0.0], 2.0 * turn / (length[1:] + length[:-1]), [0.0]])
+    if len(turn):
+        bend[0], bend[-1] = bend[1], bend[-2]  # the ends are taken to go on as they are
+    a, b = bend[:-1], bend[1:]
+    curvature = np.where(a * b > 0.0, np.sign(a) * np.minimum(np.abs(a), np.abs(b)), 0.0)
+
+    t = np.linspace(0.0, total, max(int(np.ceil(total / STEP_M)), 8) + 1)
+    station = np.concatenate([[0.0], np.cumsum(length)])
+    i = np.clip(np.searchsorted(station, t, side="right") - 1, 0, len(length) - 1)
+    u = t - station[i]
+    aside = -0.5 * curvature[i] * u * (length[i] - u)
+    unit = chord[i] / length[i, None]
+    normal = np.column_stack([-unit[:, 1], unit[:, 0]])
+    return knots[i] + unit * u[:, None] + normal * aside[:, None], t, parameter
+
+
+def _smooth(q: Array, h: float) -> Array:
+    scale = np.full(len(q), SCALE_M)
+    for _ in range(_ROUNDS):
+        p = _whittaker(q, scale, h)
+        away = np.abs(_lateral(p, q))
+        bad = away > TOLERANCE_M
+        if not bad.any() or scale[bad].max() <= SHORTEST_SCALE_M:
+            break
+        # How far a curve strays grows with the scale: linearly at a kink, as its cube where a bend begins.
+        wanted = np.where(
+            bad, scale * np.clip(0.9 * np.sqrt(TOLERANCE_M / np.maximum(away, 1e-9)), 0.4, 0.9), np.inf
+        )
+        scale = np.minimum(scale, _spread(np.maximum(wanted, SHORTEST_SCALE_M), h))
+    return p
+
+
+def _spread(wanted: Array, h: float) -> Array:
+    # The largest scale below `wanted` that changes by less than 0.4 m a metre.
+    ramp = 0.4 * h * np.arange(len(wanted))
+    forward = np.minimum.accumulate(wanted - ramp) + ramp
+    backward = (np.minimum.accumulate((wanted + ramp)[::-1])[::-1]) - ramp
+    return np.minimum(forward, backward)
+
+
+def _whittaker(q: Array, scale: Array, h: float) -> Array:
+    # Solved for the correction p − q: exact to rounding although the matrix is badly conditioned.
+    middle = (scale[1:-2] + scale[2:-1]) / 2.0
+    weight = (middle / h) ** 6
+    size = len(q)
+    bands = np.zeros((4, size))
+    bands[3] = 1.0
+    rhs = np.zeros_like(q)
+    third = -(q[3:] - 3.0 * q[2:-1] + 3.0 * q[1:-2] - q[:-3]) * weight[:, None]
+    for a in range(4):
+        rhs[a : size - 3 + a] += _THIRD[a] * third
+        for d in range(4 - a):
+            bands[3 - d, a + d : size - 3 + a + d] += weight * (_THIRD[a] * _THIRD[a + d])
+    return np.asarray(q + solveh_banded(bands, rhs, overwrite_ab=True, overwrite_b=True, check_finite=False))
+
+
+def _lateral(p: Array, q: Array) -> Array:
+    along = np.gradient(q, axis=0)
+    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)[:, None]
+    away = p - q
+    return np.asarray(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0])
+
+
+def _resample(p: Array, q: Array, starts: Array, ends: Array) -> SmoothPath:
+    t = np.arange(len(p), dtype=float)
+    curve = CubicSpline(t, p)
+    speed = np.hypot(*curve(t, 1).T)
+    halfway = np.hypot(*curve(t[:-1] + 0.5, 1).T)
+    station = np.concatenate([[0.0], np.cumsum((speed[:-1] + 4.0 * halfway + speed[1:]) / 6.0)])  # Simpson
+    total = float(station[-1])
+    count = max(round(total / SPACING_M), 2)
+    s = np.linspace(0.0, total, count + 1)
+    u = CubicSpline(station, t)(s)
+    x, y = curve(u).T
+    dx, dy = curve(u, 1).T
+    ddx, ddy = curve(u, 2).T
+    heading = np.unwrap(np.arctan2(dy, dx))
+    curvature = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
+    return SmoothPath(
+        total / count,
+        x,
+        y,
+        heading,
+        curvature,
+        np.interp(starts, t, station),
+        np.interp(ends, t, station),
+        float(np.abs(_lateral(p, q)).max()),
+    )

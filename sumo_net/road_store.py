@@ -1,0 +1,65 @@
+"""The growing store behind the RoadTable: paths are appended, arrays double when they are full."""
+
+import numpy as np
+
+from sumo_net.road_fit import SmoothPath
+from sumo_net.road_marking import Section
+from sumo_net.road_table import MAX_BORDERS, Array, RoadTable
+
+_PATH = ("first", "count", "spacing_m", "own_start_m", "own_end_m", "own_length_m")
+_PATH += ("segment_first", "segment_count")
+_SAMPLE = ("x_m", "y_m", "heading_rad", "curvature_1pm")
+_SEGMENT = ("segment_start_m", "anchor_m", "stretch", "border_offset_m", "border_kind")
+_SEGMENT += ("road_right_m", "road_left_m")
+_INTEGERS = ("first", "count", "segment_first", "segment_count")
+
+
+class RoadStore:
+    """Appends paths; `table` is what kernels take, valid until the next path is appended and after it."""
+
+    def __init__(self) -> None:
+        self._used = {"path": 0, "sample": 0, "segment": 0}
+        self._arrays: dict[str, Array] = {}
+        for name in _PATH:
+            self._arrays[name] = np.zeros(16, np.int64 if name in _INTEGERS else np.float64)
+        for name in _SAMPLE:
+            self._arrays[name] = np.zeros(4096)
+        for name in _SEGMENT:
+            shape = (64, MAX_BORDERS) if name.startswith("border") else (64,)
+            self._arrays[name] = np.zeros(shape, np.int8 if name == "border_kind" else np.float64)
+        self.table = RoadTable(**self._arrays)
+
+    def __len__(self) -> int:
+        return self._used["path"]
+
+    def append(self, smooth: SmoothPath, sections: list[Section], own: int, own_length_m: float) -> int:
+        """Add a path whose lanes have these sections; `own` is the path's own lane among them."""
+        self._grow("sample", _SAMPLE, len(smooth.x_m))
+        self._grow("segment", _SEGMENT, len(sections))
+        self._grow("path", _PATH, 1)
+        path, first, segment = (self._used[kind] for kind in ("path", "sample", "segment"))
+        for name in _SAMPLE:
+            self._arrays[name][first : first + len(smooth.x_m)] = getattr(smooth, name)
+        for k, section in enumerate(sections):
+            start, end = smooth.lane_start_m[k], smooth.lane_end_m[k]
+            row = (start, section.anchor_m, section.length_m / (end - start) if end - start > 0.05 else 1.0)
+            row += (section.border_offset_m, section.border_kind, section.road_right_m, section.road_left_m)
+            for name, value in zip(_SEGMENT, row, strict=True):
+                self._arrays[name][segment + k] = value
+        head = (first, len(smooth.x_m), smooth.spacing_m, smooth.lane_start_m[own], smooth.lane_end_m[own])
+        head += (own_length_m, segment, len(sections))
+        for name, value in zip(_PATH, head, strict=True):
+            self._arrays[name][path] = value
+        for kind, more in (("path", 1), ("sample", len(smooth.x_m)), ("segment", len(sections))):
+            self._used[kind] += more
+        self.table = RoadTable(**self._arrays)
+        return path
+
+    def _grow(self, kind: str, names: tuple[str, ...], more: int) -> None:
+        needed = self._used[kind] + more
+        for name in names:
+            array = self._arrays[name]
+            if needed > len(array):
+                larger = np.zeros((max(needed, 2 * len(array)), *array.shape[1:]), array.dtype)
+                larger[: len(array)] = array
+                self._arrays[name] = larger
