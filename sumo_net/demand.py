@@ -4,11 +4,11 @@ On the built-in highway the road is filled from the first step: vehicles stand i
 entered before, at the spacing that the flow implies. Further ones enter at both ends at random times.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
 import pydantic
 from pydantic import Field
 
@@ -116,8 +116,8 @@ def write_highway_demand(demand: Demand, built: BuiltNetwork, end_s: float, seed
         for lane in range(built.highway.lanes if vph > 0 else 0):
             lines.append(
                 f'<flow id="{way.direction}_{lane}" type="{_lane_type(lane)}" route="{way.direction}"'
-                f' begin="0" end="{end_s:.1f}" period="exp({vph / 3600.0:.6f})" departLane="{lane}" departPos="base"'
-                ' departSpeed="desired"/>'
+                f' begin="0" end="{end_s:.1f}" period="exp({vph / 3600.0:.6f})"'
+                f' departLane="{lane}" departPos="base" departSpeed="desired"/>'
             )
     _write(path, lines)
 
@@ -212,29 +212,31 @@ def _lane_type(lane: int) -> str:
     return "right" if lane == 0 else "left"
 
 
-def _standing_in(way: Carriageway, built: BuiltNetwork, vph: float, seed: int) -> Iterator[str]:
-    """Vehicles on the road at time 0, from 0.6 to 1.4 times the mean spacing apart."""
-    if vph <= 0:
-        return
-    for lane in range(built.highway.lanes):
+def _standing_in(way: Carriageway, built: BuiltNetwork, vph: float, seed: int) -> list[str]:
+    """Vehicles on the road at time 0, from 0.7 to 1.3 times the mean spacing apart.
+
+    The foremost comes first: SUMO then finds for each a speed that suits the one ahead of it.
+    """
+    lines: list[str] = []
+    for lane in range(built.highway.lanes if vph > 0 else 0):
         draw = generator(seed, f"{way.direction}_{lane}", "demand")
         ends = way.alignment.offset_length(way.start_m, built.highway.lane_offset_m(lane))
-        position, number = _ENTRY_M, 0
+        position = float(ends[-1])
         while True:
-            edge = min(int((position >= ends).sum()) - 1, len(way.edges) - 1)
+            edge = int(np.searchsorted(ends, position)) - 1
             spacing = max(float(way.speed_limit_mps[edge]) * 3600.0 / vph, 15.0)
-            position += spacing * draw.uniform(0.6, 1.4)
-            if position > ends[-1] - _ENTRY_M:
+            position -= spacing * draw.uniform(0.7, 1.3)
+            if position < _ENTRY_M:
                 break
-            edge = int((position >= ends).sum()) - 1
-            # SUMO takes no vehicle that would reach back over the beginning of its first edge.
+            edge = int(np.searchsorted(ends, position)) - 1
+            # Off the very ends of an edge: SUMO's lane may be a little shorter.
             along = min(max(position - float(ends[edge]), 0.5), float(ends[edge + 1] - ends[edge]) - 0.5)
-            yield (
-                f'<vehicle id="{way.direction}_{lane}_standing_in_{number}" type="{_lane_type(lane)}"'
+            lines.append(
+                f'<vehicle id="{way.direction}_{lane}_standing_in_{len(lines):03d}" type="{_lane_type(lane)}"'
                 f' depart="0" departLane="{lane}" departPos="{along:.2f}" departSpeed="desired">'
                 f'<route edges="{" ".join(way.edges[edge:])}"/></vehicle>'
             )
-            number += 1
+    return lines
 
 
 def _leads(connections: dict[Any, Any], edge: Any) -> bool:
