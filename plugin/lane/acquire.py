@@ -1,0 +1,137 @@
+"""Starting the road model: from the published search's parabolas, and from a vote of all ridges.
+
+The vote is a second opinion for frames where shadows or hidden paint mislead the search: every ridge below
+`NEAR_M` votes, under each heading and curvature of a grid, for a lateral position; the best pair of positions
+a lane width apart with the vehicle between them wins. The start whose fit finds more paint is taken.
+"""
+
+import math
+
+from plugin.lane.ridge import candidates
+from plugin.lane.road_model import (
+    HEADING,
+    KNOT,
+    KNOTS,
+    LEFT,
+    OFFSET,
+    PITCH,
+    TURN,
+    WIDTH,
+    row_ground,
+)
+from sumo_net.compile import kernel
+
+NEAR_M = 40.0
+PER_ROW = 8
+BIN_M, HALF_BINS = 0.15, 45
+HEADINGS, HEADING_STEP = 19, 0.008
+CURVATURES, CURVATURE_STEP = 13, 7.0e-4
+
+
+@kernel
+def initial_covariance(P, t, offset_std, heading_std, width_std, curvature_std):  # type: ignore[no-untyped-def]
+    """P of a state of which only a start is known; curvature is a random walk along the road."""
+    P[:, :] = 0.0
+    P[OFFSET, OFFSET] = offset_std * offset_std
+    P[HEADING, HEADING] = heading_std * heading_std
+    P[WIDTH, WIDTH] = width_std * width_std
+    P[PITCH, PITCH] = t.pitch_std * t.pitch_std
+    P[TURN, TURN] = t.turn_std * t.turn_std
+    for i in range(KNOTS):
+        for j in range(KNOTS):
+            P[KNOT + i, KNOT + j] = curvature_std * curvature_std + min(i, j) * t.bend_std * t.bend_std
+
+
+@kernel
+def parabola_as_candidates(left, right, rows, work):  # type: ignore[no-untyped-def]
+    """Put the columns of the search's borders (a, b, c) in the place of ridges."""
+    for side in range(2):
+        a, b, c = (left[0], left[1], left[2]) if side == LEFT else (right[0], right[1], right[2])
+        for r in range(rows.shape[0]):
+            y = rows[r]
+            work.count[side, r] = 1
+            work.expected[side, r] = True
+            work.ridge[side, r, 0, 0] = (a * y + b) * y + c
+            work.ridge[side, r, 0, 1] = 1e6
+
+
+@kernel
+def ridge_points(frame, rows, p, t, threshold, sums, response, ridge, point):  # type: ignore[no-untyped-def]
+    """All ridges on the road below NEAR_M as point (M, 2): forward, left; returns how many."""
+    height, width = frame.shape
+    found = 0
+    for r in range(rows.shape[0]):
+        ahead, depth, _, _ = row_ground(rows[r], 0.0, p)
+        if ahead > NEAR_M:
+            break
+        scale = p.focal / depth
+        count = candidates(
+            frame,
+            height - 1 - int(rows[r]),
+            0.5 * (width - 1),
+            0.5 * width,
+            t.marking_width_m * scale,
+            threshold,
+            sums,
+            response,
+            ridge,
+        )
+        for c in range(count):
+            aside = (p.center_x - ridge[c, 0]) / scale
+            point[found, 0] = p.cos_yaw * ahead - p.sin_yaw * aside + p.forward
+            point[found, 1] = p.sin_yaw * ahead + p.cos_yaw * aside + p.left
+            found += 1
+    return found
+
+
+@kernel
+def vote(point, found, t, bins, smooth, x):  # type: ignore[no-untyped-def]
+    """Put the best-voted straight-or-arc lane into x; returns its votes, 0 where there is none."""
+    best = 0.0
+    bends = 2 * HALF_BINS + 1
+    narrow = math.floor(t.min_width_m / BIN_M)
+    wide = math.ceil(t.max_width_m / BIN_M)
+    for h in range(HEADINGS):
+        heading = (h - HEADINGS // 2) * HEADING_STEP
+        for k in range(CURVATURES):
+            curvature = (k - CURVATURES // 2) * CURVATURE_STEP
+            bins[:] = 0.0
+            for m in range(found):
+                forward = point[m, 0]
+                left = point[m, 1] + forward * (heading - 0.5 * curvature * forward)
+                b = math.floor(left / BIN_M + 0.5) + HALF_BINS
+                if 0 <= b < bends:
+                    bins[b] += 1.0
+            for b in range(bends):
+                s = bins[b]
+                if b > 0:
+                    s += 0.5 * bins[b - 1]
+                if b + 1 < bends:
+                    s += 0.5 * bins[b + 1]
+                smooth[b] = s
+            for b in range(HALF_BINS, bends):
+                if smooth[b] < 3.0:
+                    continue
+                for c in range(max(0, b - wide), min(b - narrow, HALF_BINS) + 1):
+                    if smooth[c] < 3.0:
+                        continue
+                    # both borders count: the weaker one decides
+                    width = (b - c) * BIN_M
+                    off = (width - t.lane_width_m) / t.lane_width_std_m
+                    score = min(smooth[b], 4.0 * smooth[c]) + min(smooth[c], 4.0 * smooth[b])
+                    score *= math.exp(-0.125 * off * off)
+                    if score > best:
+                        best = score
+                        x[:] = 0.0
+                        x[OFFSET] = -0.5 * (b + c - 2 * HALF_BINS) * BIN_M
+                        x[HEADING] = heading
+                        x[WIDTH] = width
+                        x[KNOT : KNOT + KNOTS] = curvature
+    return best
+
+
+@kernel
+def lane_start(t, x):  # type: ignore[no-untyped-def]
+    """A straight lane of usual width, the vehicle in its middle."""
+    x[:] = 0.0
+    x[WIDTH] = t.lane_width_m

@@ -1,0 +1,266 @@
+"""The default lane tracker, `refined` mode: both borders on the ground-plane road model.
+
+It starts from the published search (`needs_search` says which vehicles want one) and then follows the lane by
+itself: the state of `plugin.lane.road_model` is predicted over the step, marking candidates are collected
+around the predicted borders, and a robust information update gives the new state. It drops the lane when it
+is no longer seen or has become impossible, and asks for the search again.
+"""
+
+import functools
+import math
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from camera_synth.camera import WIDTH_PX, Projection
+from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.refine_kernels import (
+    LOCKED,
+    REACH_M,
+    SEARCHING,
+    columns_kernel,
+    parabola_kernel,
+    step_kernel,
+)
+from plugin.lane.road_model import STATES, rows_to_read
+from sumo_net.settings import settings
+
+Array = np.ndarray[Any, Any]
+
+
+@settings
+class Refine:
+    """Settings of the default lane tracker."""
+
+    step_s: float = Field(0.1, gt=0, le=1, description="time between frames")
+    marking_width_m: float = Field(0.15, gt=0, le=0.5, description="paint that the ridge filter expects")
+    lane_width_m: float = Field(3.6, gt=0, description="prior of the lane width")
+    lane_width_std_m: float = Field(0.4, gt=0)
+    min_width_m: float = Field(2.5, gt=0, description="a narrower lane is none")
+    max_width_m: float = Field(4.8, gt=0)
+    range_m: float = Field(REACH_M, gt=20, le=REACH_M, description="how far the borders are followed")
+    contrast: float = Field(6.0, gt=0, description="least response of a ridge, grey levels")
+    grain_factor: float = Field(3.0, ge=0, description="least response over the road's mean pixel difference")
+    pitch_std_rad: float = Field(0.002, ge=0, description="of the vehicle's pitch against the calibration")
+    pitch_time_s: float = Field(0.3, gt=0, description="correlation time of that")
+    bend_std_1pm: float = Field(3e-4, gt=0, description="change of curvature over 15 m of unseen road")
+    confirm_frames: int = Field(2, ge=0, description="frames that must follow a weak start")
+    patience_frames: int = Field(8, ge=0, description="frames in a row without the lane until it is lost")
+    one_sided_frames: int = Field(80, ge=0, description="frames with one border only until the lane is lost")
+
+    @model_validator(mode="after")
+    def _widths(self) -> Self:
+        if not self.min_width_m < self.lane_width_m < self.max_width_m:
+            raise ValueError(
+                f"lane_width_m = {self.lane_width_m}: must lie between min_width_m = {self.min_width_m} "
+                f"and max_width_m = {self.max_width_m}"
+            )
+        return self
+
+
+class Tuning(NamedTuple):
+    """Refine as kernels take it, with what is not for users to set."""
+
+    step_s: float
+    preview_m: float
+    marking_width_m: float
+    lane_width_m: float
+    lane_width_std_m: float
+    min_width_m: float
+    max_width_m: float
+    range_m: float
+    contrast: float
+    grain_factor: float
+    pitch_std: float
+    pitch_keep: float
+    bend_std: float
+    confirm_frames: int
+    patience_frames: int
+    one_sided_frames: int
+    turn_std: float = 0.05
+    turn_time_s: float = 0.5
+    offset_walk: float = 0.03
+    heading_walk: float = 0.002
+    width_walk: float = 0.01
+    knot_walk: float = 1e-5  # per root metre driven
+    noise_px: float = 0.7  # of a marking centre; rows err together, so more than one row shows
+    noise_m: float = 0.02
+    none: float = 0.1  # weight of 'no ridge here is the border'
+    association_m: float = 0.03
+    association_px: float = 0.7
+    start_association_m: float = 0.12
+    iterations: int = 4
+    reach_m: float = 0.3
+    least_rows: int = 4
+    least_share: float = 0.1
+    lock_rows: int = 24
+    neighbour_share: float = 0.2
+    shift_width_std: float = 0.15
+    outside_m: float = 1.2  # how far beyond a border the centre of gravity may be
+    jump_m: float = 0.5
+    jump_rad: float = 0.03
+
+
+class LaneState(NamedTuple):
+    """What n vehicles carry from frame to frame."""
+
+    status: Array  # (n,) int8 SEARCHING, TENTATIVE, LOCKED
+    x: Array  # (n, STATES) road model
+    P: Array  # (n, STATES, STATES) its covariance
+    phase: Array  # (n,) metres by which knot 0 lies behind the centre of gravity
+    misses: Array  # (n,) int32 frames in a row without the lane
+    one_sided: Array  # (n,) int32 frames in a row without both borders
+    age: Array  # (n,) int32 frames since the start
+    found: Array  # (n, 2) share of rows where the left and the right border was seen
+    share: Array  # (n, 2) what that usually is on this road
+
+
+def init(n: int) -> LaneState:
+    """State of n vehicles before their first frame."""
+    return LaneState(
+        np.zeros(n, np.int8),
+        np.zeros((n, STATES)),
+        np.zeros((n, STATES, STATES)),
+        np.zeros(n),
+        np.zeros(n, np.int32),
+        np.zeros(n, np.int32),
+        np.zeros(n, np.int32),
+        np.zeros((n, 2)),
+        np.zeros((n, 2)),
+    )
+
+
+def needs_search(state: LaneState) -> Array:
+    """(n,) bool: which vehicles want the published search's borders in the next step."""
+    return np.asarray(state.status == SEARCHING)
+
+
+@functools.lru_cache(maxsize=32)
+def tuning(refine: Refine, preview_m: float) -> Tuning:
+    """The kernel's view of the settings."""
+    return Tuning(
+        refine.step_s,
+        preview_m,
+        refine.marking_width_m,
+        refine.lane_width_m,
+        refine.lane_width_std_m,
+        refine.min_width_m,
+        refine.max_width_m,
+        refine.range_m,
+        refine.contrast,
+        refine.grain_factor,
+        max(refine.pitch_std_rad, 1e-6),
+        math.exp(-refine.step_s / refine.pitch_time_s),
+        refine.bend_std_1pm,
+        refine.confirm_frames,
+        refine.patience_frames,
+        refine.one_sided_frames,
+    )
+
+
+def preview_distance(p: Projection) -> float:
+    """D_L of a camera, as Camera.preview_m; 33.5 m where the camera does not look down."""
+    if p.sin_pitch <= 0.01:
+        return 33.5
+    return p.forward + p.height * p.cos_pitch / p.sin_pitch * p.cos_yaw
+
+
+@functools.lru_cache(maxsize=32)
+def _rows(p: Projection) -> Array:
+    return rows_to_read(p.center_y + p.focal_y * p.sin_pitch / p.cos_pitch)
+
+
+def step(
+    frames: Array,
+    borders: Borders | None,
+    given: Array | None,
+    state: LaneState,
+    projection: Projection,
+    speed_mps: Array,
+    refine: Refine,
+) -> tuple[LaneState, LaneEstimate]:
+    """One frame of each of n vehicles.
+
+    frames (n, 240, 320) uint8. borders: the published search's, for the vehicles that `given` (n,) bool
+    marks; None for none. speed_mps (n,): of the step that led here. Raises ValueError where the sizes do not fit.
+    """
+    n = len(state.status)
+    if frames.shape != (n, 240, WIDTH_PX) or frames.dtype != np.uint8:
+        raise ValueError(f"frames are {frames.dtype} {frames.shape}: must be uint8 ({n}, 240, {WIDTH_PX})")
+    if borders is None:
+        left, right, given = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, np.bool_)
+    else:
+        left, right = np.ascontiguousarray(borders.left), np.ascontiguousarray(borders.right)
+        given = np.isfinite(left).all(axis=1) if given is None else np.ascontiguousarray(given, np.bool_)
+    new = LaneState(*(np.empty_like(part) for part in state))
+    out = _empty_estimate(n)
+    step_kernel(
+        np.ascontiguousarray(frames),
+        left,
+        right,
+        given,
+        state,
+        _rows(projection),
+        projection,
+        np.ascontiguousarray(speed_mps, np.float64),
+        tuning(refine, preview_distance(projection)),
+        new,
+        out,
+    )
+    return new, out
+
+
+def _empty_estimate(n: int) -> LaneEstimate:
+    kinds = {
+        "locked": np.bool_,
+        "left_border_seen": np.bool_,
+        "right_border_seen": np.bool_,
+        "lane_shift": np.int8,
+    }
+    return LaneEstimate(*(np.empty(n, kinds.get(name, np.float64)) for name in LaneEstimate._fields))
+
+
+def border_columns(
+    state: LaneState, rows: Array, projection: Projection, furthest_m: float = REACH_M
+) -> Array:
+    """(n, 2, rows) columns of the left and the right border at rows (y, up from the bottom, ascending).
+
+    NaN beyond furthest_m and for vehicles without a lock; columns outside the image are given as they are.
+    """
+    out = np.empty((len(state.status), 2, len(rows)))
+    columns_kernel(
+        state.x,
+        state.phase,
+        state.status,
+        np.ascontiguousarray(rows, np.float64),
+        projection,
+        furthest_m,
+        out,
+    )
+    return out
+
+
+_PARABOLA_ROWS = np.arange(1.0, 150.0, 3.0)
+
+
+def parabolas(state: LaneState, projection: Projection) -> Borders:
+    """Both borders as x = a·y² + b·y + c, fitted where they are in the image; score: share of rows seen.
+
+    NaN for vehicles without a lock, or where less than five rows are in the image.
+    """
+    n = len(state.status)
+    left, right = np.empty((n, 3)), np.empty((n, 3))
+    columns = border_columns(state, _PARABOLA_ROWS, projection)
+    parabola_kernel(columns, _PARABOLA_ROWS, float(WIDTH_PX), left, right)
+    return Borders(left, right, state.found.copy())
+
+
+def standard_deviations(state: LaneState) -> Array:
+    """(n, STATES) of the road model's state."""
+    return np.sqrt(np.maximum(np.diagonal(state.P, axis1=1, axis2=2), 0.0))
+
+
+def locked(state: LaneState) -> Array:
+    """(n,) bool."""
+    return np.asarray(state.status == LOCKED)

@@ -1,0 +1,262 @@
+"""Robust information update of the road model by the marking candidates of one frame.
+
+Each row and border has up to CANDIDATES ridges or none; a candidate's weight is its probability against the
+others and against 'none of them is the border' under the model of the moment (expectation step), and the
+state is the Gauss-Newton minimum of the weighted residuals and the prediction (maximisation step). The
+association width shrinks from iteration to iteration. Information form: Λ = P⁻¹ + Σ w Jᵀ J / σ².
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from plugin.lane.ridge import BUFFER_PX, candidates
+from plugin.lane.road_model import (
+    HEADING,
+    KNOT,
+    KNOTS,
+    LEFT,
+    NODES,
+    OFFSET,
+    PITCH,
+    STATES,
+    WIDTH,
+    bases,
+    border_columns,
+    sway,
+    trace,
+)
+from sumo_net.compile import kernel
+
+Array = np.ndarray[Any, Any]
+
+CANDIDATES = 3
+MARGIN_PX = 5.0  # closer to the image's side no ridge can be seen
+
+
+class Work(NamedTuple):
+    """Work space of one vehicle at a time."""
+
+    node: Array  # (NODES, 5)
+    border: Array  # (2, rows, 6)
+    first: Array  # (KNOTS, KNOTS)
+    area: Array
+    ridge: Array  # (2, rows, CANDIDATES, 2) centre, response
+    count: Array  # (2, rows) int64
+    expected: Array  # (2, rows) bool: a marking there would be in the image
+    found: Array  # (2, rows) bool: and was seen where the model says
+    sums: Array
+    response: Array
+    prior: Array  # (STATES, STATES) information
+    information: Array  # (STATES, STATES)
+    factor: Array  # (STATES, STATES)
+    gradient: Array  # (STATES,)
+    J: Array  # (STATES,)
+
+
+@kernel
+def workspace(rows):  # type: ignore[no-untyped-def]
+    """Work for `rows` image rows."""
+    return Work(
+        np.zeros((NODES, 5)),
+        np.zeros((2, rows, 6)),
+        np.zeros((KNOTS, KNOTS)),
+        np.zeros((KNOTS, KNOTS)),
+        np.zeros((2, rows, CANDIDATES, 2)),
+        np.zeros((2, rows), np.int64),
+        np.zeros((2, rows), np.bool_),
+        np.zeros((2, rows), np.bool_),
+        np.zeros(BUFFER_PX + 1, np.int64),
+        np.zeros(BUFFER_PX),
+        np.zeros((STATES, STATES)),
+        np.zeros((STATES, STATES)),
+        np.zeros((STATES, STATES)),
+        np.zeros(STATES),
+        np.zeros(STATES),
+    )
+
+
+@kernel
+def cholesky(A, L):  # type: ignore[no-untyped-def]
+    """L with L Lᵀ = A (lower triangle read); False where A is not positive definite."""
+    n = A.shape[0]
+    for j in range(n):
+        s = A[j, j]
+        for k in range(j):
+            s -= L[j, k] * L[j, k]
+        if not s > 0.0:
+            return False
+        L[j, j] = math.sqrt(s)
+        inverse = 1.0 / L[j, j]
+        for i in range(j + 1, n):
+            s = A[i, j]
+            for k in range(j):
+                s -= L[i, k] * L[j, k]
+            L[i, j] = s * inverse
+    return True
+
+
+@kernel
+def solve(L, b):  # type: ignore[no-untyped-def]
+    """b <- (L Lᵀ)⁻¹ b."""
+    n = L.shape[0]
+    for i in range(n):
+        s = b[i]
+        for k in range(i):
+            s -= L[i, k] * b[k]
+        b[i] = s / L[i, i]
+    for i in range(n - 1, -1, -1):
+        s = b[i]
+        for k in range(i + 1, n):
+            s -= L[k, i] * b[k]
+        b[i] = s / L[i, i]
+
+
+@kernel
+def invert(A, L, out):  # type: ignore[no-untyped-def]
+    """out <- A⁻¹ of a symmetric positive definite A; L is work space. False where A is not that."""
+    n = A.shape[0]
+    if not cholesky(A, L):
+        return False
+    # L⁻¹ by rows into out's lower triangle, then L⁻ᵀ L⁻¹
+    for j in range(n):
+        out[j, j] = 1.0 / L[j, j]
+        for i in range(j + 1, n):
+            s = 0.0
+            for k in range(j, i):
+                s -= L[i, k] * out[k, j]
+            out[i, j] = s / L[i, i]
+    for i in range(n):
+        for j in range(i + 1):
+            s = 0.0
+            for k in range(i, n):
+                s += out[k, i] * out[k, j]
+            L[i, j] = s
+    for i in range(n):
+        for j in range(i + 1):
+            out[i, j] = L[i, j]
+            out[j, i] = L[i, j]
+    return True
+
+
+@kernel
+def place_borders(x, phase, rows, p, t, work):  # type: ignore[no-untyped-def]
+    """Trace the centre line and both borders of state x."""
+    trace(x, phase, work.node)
+    for side in range(2):
+        border_columns(x, rows, work.node, p, side, t.range_m, work.border[side])
+
+
+@kernel
+def gather(frame, x, phase, rows, p, t, reach_m, reach_px, threshold, work):  # type: ignore[no-untyped-def]
+    """Look for marking candidates around both borders of x, `reach_m` + `reach_px` to each side."""
+    place_borders(x, phase, rows, p, t, work)
+    height, width = frame.shape
+    for side in range(2):
+        for r in range(rows.shape[0]):
+            column, scale = work.border[side, r, 0], work.border[side, r, 1]
+            work.count[side, r] = 0
+            work.found[side, r] = False
+            visible = MARGIN_PX < column < width - 1 - MARGIN_PX  # False for NaN
+            work.expected[side, r] = visible
+            half = reach_m * scale + reach_px
+            if column > -half and column < width + half:
+                row = height - 1 - int(rows[r])
+                work.count[side, r] = candidates(
+                    frame,
+                    row,
+                    column,
+                    half,
+                    t.marking_width_m * scale,
+                    threshold,
+                    work.sums,
+                    work.response,
+                    work.ridge[side, r],
+                )
+
+
+@kernel
+def fit(x, phase, predicted, rows, p, t, width_m, iterations, reference, work):  # type: ignore[no-untyped-def]
+    """Update x (start value in, estimate out) from `predicted` with information work.prior and candidates.
+
+    width_m: association width that the iterations start from. reference: response at which a ridge is as
+    probably paint as not. The posterior information is left in work.information. False where it fails.
+    """
+    bases(phase, work.first, work.area)
+    width = width_m
+    J, gradient, information = work.J, work.gradient, work.information
+    for _ in range(iterations):
+        place_borders(x, phase, rows, p, t, work)
+        for i in range(STATES):
+            g = 0.0
+            for j in range(STATES):
+                information[i, j] = work.prior[i, j]
+                g += work.prior[i, j] * (predicted[j] - x[j])
+            gradient[i] = g
+        for side in range(2):
+            for r in range(rows.shape[0]):
+                work.found[side, r] = False
+                column = work.border[side, r, 0]
+                if work.count[side, r] == 0 or math.isnan(column):
+                    continue
+                scale = work.border[side, r, 1]
+                spread = width * scale + t.association_px
+                inverse = 1.0 / spread
+                total, moment = 0.0, 0.0
+                for c in range(work.count[side, r]):
+                    away = work.ridge[side, r, c, 0] - column
+                    z = away * inverse
+                    if z * z > 12.0:
+                        continue
+                    response = work.ridge[side, r, c, 1]
+                    w = response / (response + reference) * math.exp(-0.5 * z * z)
+                    total += w
+                    moment += w * away
+                if total <= 1e-4:
+                    continue
+                weight = total / (total + t.none)
+                work.found[side, r] = weight > 0.5
+                away = moment / total
+                noise_m = t.noise_m * scale
+                weight /= t.noise_px * t.noise_px + noise_m * noise_m
+                slant = scale / max(work.border[side, r, 4], 0.3)
+                slope = work.border[side, r, 2]
+                station = work.border[side, r, 3]
+                aside = (p.center_x - column) / scale
+                J[OFFSET] = slant
+                J[HEADING] = scale * (station + slope * aside)
+                J[WIDTH] = -0.5 * slant if side == LEFT else 0.5 * slant
+                J[PITCH] = work.border[side, r, 5]
+                seen = KNOT + sway(phase, work.first, work.area, station, J[KNOT:])
+                for j in range(KNOT, seen):
+                    J[j] *= -slant
+                for i in range(seen):
+                    v = weight * J[i]
+                    gradient[i] += v * away
+                    for j in range(i + 1):
+                        information[i, j] += v * J[j]
+        if not cholesky(information, work.factor):
+            return False
+        solve(work.factor, gradient)
+        for i in range(STATES):
+            x[i] += gradient[i]
+        if not (abs(x[HEADING]) < 0.6 and abs(x[OFFSET]) < 20.0 and 1.0 < x[WIDTH] < 10.0):
+            return False
+        width = max(0.4 * width, t.association_m)
+    for i in range(STATES):
+        for j in range(i):
+            information[j, i] = information[i, j]
+    return True
+
+
+@kernel
+def tally(work, side):  # type: ignore[no-untyped-def]
+    """(rows where the border was found, rows where it could be seen)."""
+    found, expected = 0, 0
+    for r in range(work.expected.shape[1]):
+        if work.expected[side, r]:
+            expected += 1
+            if work.found[side, r]:
+                found += 1
+    return found, expected

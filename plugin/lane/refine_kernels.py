@@ -1,0 +1,406 @@
+"""One frame of the default lane tracker over a fleet: predict, look, fit, judge."""
+
+import math
+
+import numpy as np
+
+from plugin.lane.acquire import (
+    HALF_BINS,
+    PER_ROW,
+    initial_covariance,
+    lane_start,
+    parabola_as_candidates,
+    ridge_points,
+    vote,
+)
+from plugin.lane.refine_fit import fit, gather, invert, place_borders, tally, workspace
+from plugin.lane.ridge import road_noise
+from plugin.lane.road_model import (
+    FURTHEST_M,
+    HEADING,
+    KNOT,
+    KNOTS,
+    LEFT,
+    NODES,
+    OFFSET,
+    PITCH,
+    RIGHT,
+    SPACING_M,
+    STATES,
+    TURN,
+    WIDTH,
+    border_columns,
+    curvature_at,
+    preview,
+    trace,
+)
+from sumo_net.compile import kernel
+
+SEARCHING, TENTATIVE, LOCKED = 0, 1, 2
+
+
+@kernel
+def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
+    """Move state and covariance on by one step in which the vehicle drove `advance` metres; returns phase."""
+    T = t.step_s
+    keep = math.exp(-T / t.turn_time_s)
+    drift = advance * T * 0.5
+    x[OFFSET] += advance * x[HEADING] + drift * x[TURN]
+    x[HEADING] += T * x[TURN]
+    x[TURN] *= keep
+    x[PITCH] *= t.pitch_keep
+    for j in range(STATES):
+        P[OFFSET, j] += advance * P[HEADING, j] + drift * P[TURN, j]
+        P[HEADING, j] += T * P[TURN, j]
+        P[TURN, j] *= keep
+        P[PITCH, j] *= t.pitch_keep
+    for i in range(STATES):
+        P[i, OFFSET] += advance * P[i, HEADING] + drift * P[i, TURN]
+        P[i, HEADING] += T * P[i, TURN]
+        P[i, TURN] *= keep
+        P[i, PITCH] *= t.pitch_keep
+    phase += advance
+    while phase >= SPACING_M:
+        phase -= SPACING_M
+        _drop_knot(x, P, t)
+    P[OFFSET, OFFSET] += t.offset_walk * t.offset_walk
+    P[HEADING, HEADING] += t.heading_walk * t.heading_walk
+    P[WIDTH, WIDTH] += t.width_walk * t.width_walk
+    P[TURN, TURN] += t.turn_std * t.turn_std * (1.0 - keep * keep)
+    P[PITCH, PITCH] += t.pitch_std * t.pitch_std * (1.0 - t.pitch_keep * t.pitch_keep)
+    for j in range(KNOT, KNOT + KNOTS):
+        P[j, j] += t.knot_walk * t.knot_walk * advance
+    return phase
+
+
+@kernel
+def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
+    """The first knot fell behind: renumber, and append one whose curvature is the last one's ± bend_std."""
+    last = KNOT + KNOTS - 1
+    for j in range(KNOT, last):
+        x[j] = x[j + 1]
+    for i in range(STATES):
+        for j in range(KNOT, last):
+            P[i, j] = P[i, j + 1]
+    for j in range(KNOT, last):
+        for i in range(STATES):
+            P[j, i] = P[j + 1, i]
+    for i in range(STATES):
+        P[last, i] = P[last - 1, i]
+    for i in range(STATES):
+        P[i, last] = P[i, last - 1]
+    P[last, last] += t.bend_std * t.bend_std
+
+
+@kernel
+def shift_lane(x, P, side, width_std):  # type: ignore[no-untyped-def]
+    """Go over to the neighbouring lane: +1 left, -1 right. The border between the two stays where it is.
+
+    The new lane is as wide as the old one give or take width_std: offset -= side (width + ε / 2).
+    """
+    x[OFFSET] -= side * x[WIDTH]
+    for j in range(STATES):
+        P[OFFSET, j] -= side * P[WIDTH, j]
+    for i in range(STATES):
+        P[i, OFFSET] -= side * P[i, WIDTH]
+    q = width_std * width_std
+    P[WIDTH, WIDTH] += q
+    P[OFFSET, OFFSET] += 0.25 * q
+    P[OFFSET, WIDTH] -= 0.5 * side * q
+    P[WIDTH, OFFSET] -= 0.5 * side * q
+
+
+@kernel
+def contrast_threshold(frame, rows, p, t, work):  # type: ignore[no-untyped-def]
+    """Response under which a ridge is taken for texture: by the road's own grain between the borders."""
+    total, count = 0.0, 0
+    for r in range(0, rows.shape[0], 4):
+        left, right = work.border[LEFT, r, 0], work.border[RIGHT, r, 0]
+        if math.isnan(left) or math.isnan(right):
+            continue
+        inset = 0.12 * (right - left)
+        grain = road_noise(frame, frame.shape[0] - 1 - int(rows[r]), left + inset, right - inset)
+        if not math.isnan(grain):
+            total += grain
+            count += 1
+    if count == 0:
+        return t.contrast
+    return max(t.contrast, t.grain_factor * total / count)
+
+
+@kernel
+def plausible(x, t):  # type: ignore[no-untyped-def]
+    """Whether a state can be a car in a lane."""
+    if not (t.min_width_m <= x[WIDTH] <= t.max_width_m):
+        return False
+    if not abs(x[HEADING]) < 0.3 or not abs(x[OFFSET]) < 0.5 * x[WIDTH] + t.outside_m:
+        return False
+    return abs(x[KNOT + 1]) < 0.02 and abs(x[KNOT + 3]) < 0.02 and abs(x[PITCH]) < 6.0 * t.pitch_std + 1e-6
+
+
+@kernel
+def side_seen(found, expected, t):  # type: ignore[no-untyped-def]
+    """Whether a border counts as measured in this frame."""
+    return found >= t.least_rows and found >= t.least_share * expected
+
+
+@kernel
+def start(frame, i, borders_left, borders_right, given, rows, p, t, work, point, sums, ridge, x, P):  # type: ignore[no-untyped-def]
+    """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane."""
+    best = 0
+    trial, predicted = np.zeros(STATES), np.zeros(STATES)
+    chosen = np.zeros(STATES)
+    bins, smooth = np.zeros(2 * HALF_BINS + 1), np.zeros(2 * HALF_BINS + 1)
+    for attempt in range(2):
+        if attempt == 0:
+            if not given[i]:
+                continue
+            lane_start(t, trial)
+            predicted[:] = trial
+            initial_covariance(P, t, 1.0, 0.05, t.lane_width_std_m, 2e-3)
+            if not invert(P, work.factor, work.prior):
+                continue
+            place_borders(trial, 0.0, rows, p, t, work)
+            parabola_as_candidates(borders_left[i], borders_right[i], rows, work)
+            if not fit(trial, 0.0, predicted, rows, p, t, 2.0, 3, 1.0, work):
+                continue
+        else:
+            lane_start(t, trial)
+            place_borders(trial, 0.0, rows, p, t, work)
+            threshold = contrast_threshold(frame, rows, p, t, work)
+            found = ridge_points(frame, rows, p, t, 1.5 * threshold, sums, work.response, ridge, point)
+            if vote(point, found, t, bins, smooth, trial) <= 0.0:
+                continue
+        if not plausible(trial, t):
+            continue
+        predicted[:] = trial
+        initial_covariance(P, t, 0.4, 0.03, 0.35, 2e-3)
+        predicted[WIDTH] = 0.5 * (predicted[WIDTH] + t.lane_width_m)
+        if not invert(P, work.factor, work.prior):
+            continue
+        threshold = contrast_threshold(frame, rows, p, t, work)
+        gather(frame, trial, 0.0, rows, p, t, 0.7, 4.0, threshold, work)
+        if not fit(trial, 0.0, predicted, rows, p, t, 0.35, 6, threshold, work):
+            continue
+        gather(frame, trial, 0.0, rows, p, t, 0.4, 3.0, threshold, work)
+        if not fit(trial, 0.0, predicted, rows, p, t, 0.15, 5, threshold, work):
+            continue
+        found_left, expected_left = tally(work, LEFT)
+        found_right, expected_right = tally(work, RIGHT)
+        if not (side_seen(found_left, expected_left, t) and side_seen(found_right, expected_right, t)):
+            continue
+        if not plausible(trial, t) or abs(trial[OFFSET]) > 0.5 * trial[WIDTH] + 0.3:
+            continue
+        support = min(found_left, 3 * found_right) + min(found_right, 3 * found_left)
+        if support > best:
+            best = support
+            chosen[:] = trial
+            invert(work.information, work.factor, work.prior)
+            P[:, :] = work.prior
+            kept = work.prior.copy()
+    if best > 0:
+        x[:] = chosen
+        P[:, :] = kept
+        gather(frame, x, 0.0, rows, p, t, 0.4, 3.0, threshold, work)
+        for side in range(2):
+            for r in range(rows.shape[0]):
+                work.found[side, r] = False
+                if work.expected[side, r] and work.count[side, r] > 0:
+                    spread = 2.0 * (t.association_m * work.border[side, r, 1] + t.association_px)
+                    for c in range(work.count[side, r]):
+                        if abs(work.ridge[side, r, c, 0] - work.border[side, r, 0]) < spread:
+                            work.found[side, r] = True
+    return best
+
+
+@kernel
+def far_border_share(frame, x, phase, side, rows, p, t, threshold, work):  # type: ignore[no-untyped-def]
+    """Share of rows in which the outer border of the lane beyond border `side` is seen."""
+    beyond = x.copy()
+    beyond[OFFSET] -= x[WIDTH] if side == LEFT else -x[WIDTH]
+    gather(frame, beyond, phase, rows, p, t, 0.4, 2.0, threshold, work)
+    found, expected = 0, 0
+    for r in range(rows.shape[0]):
+        if work.expected[side, r]:
+            expected += 1
+            if work.count[side, r] > 0:
+                found += 1
+    return found / expected if expected >= 6 else 0.0
+
+
+@kernel
+def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  # type: ignore[no-untyped-def]
+    """One frame for every vehicle: state `old` -> `new`, LaneEstimate arrays in `out`."""
+    work = workspace(rows.shape[0])
+    point = np.zeros((rows.shape[0] * PER_ROW, 2))
+    ridge = np.zeros((PER_ROW, 2))
+    before = np.zeros(STATES)
+    for i in range(frames.shape[0]):
+        x, P = new.x[i], new.P[i]
+        x[:], P[:, :] = old.x[i], old.P[i]
+        phase, status = old.phase[i], old.status[i]
+        misses, age = old.misses[i], old.age[i]
+        shift = 0
+        seen_left, seen_right = False, False
+        new.share[i, :] = old.share[i]
+        if status == SEARCHING:
+            misses, age, phase = 0, 0, 0.0
+            support = start(frames[i], i, left, right, given, rows, p, t, work, point, work.sums, ridge, x, P)
+            if support > 0:
+                seen_left, seen_right = True, True
+                status = LOCKED if support >= t.lock_rows else TENTATIVE
+                for side in range(2):
+                    found, expected = tally(work, side)
+                    new.share[i, side] = found / max(expected, 1)
+                    new.found[i, side] = found / max(expected, 1)
+        else:
+            age += 1
+            phase = predict(x, P, phase, speed[i] * t.step_s, t)
+            before[:] = x
+            good = invert(P, work.factor, work.prior)
+            place_borders(x, phase, rows, p, t, work)
+            threshold = contrast_threshold(frames[i], rows, p, t, work)
+            if good:
+                if 0.5 * x[WIDTH] - abs(x[OFFSET]) < 0.0:
+                    side = LEFT if x[OFFSET] > 0.0 else RIGHT
+                    share = far_border_share(frames[i], x, phase, side, rows, p, t, threshold, work)
+                    if share > t.neighbour_share:
+                        shift = 1 if side == LEFT else -1
+                        shift_lane(x, P, shift, t.shift_width_std)
+                        kept = new.share[i, side]
+                        new.share[i, side] = share
+                        new.share[i, 1 - side] = kept
+                        before[:] = x
+                        good = invert(P, work.factor, work.prior)
+                reach = t.reach_m if misses == 0 and shift == 0 else 1.6 * t.reach_m
+                gather(frames[i], x, phase, rows, p, t, reach, 2.5, threshold, work)
+                wide = t.start_association_m if misses == 0 and shift == 0 else 2.0 * t.start_association_m
+                good = good and fit(x, phase, before, rows, p, t, wide, t.iterations, threshold, work)
+            if good:
+                found_left, expected_left = tally(work, LEFT)
+                found_right, expected_right = tally(work, RIGHT)
+                seen_left = side_seen(found_left, expected_left, t)
+                seen_right = side_seen(found_right, expected_right, t)
+                good = (seen_left or seen_right) and plausible(x, t)
+                good = good and abs(x[OFFSET] - before[OFFSET]) < t.jump_m
+                good = good and abs(x[HEADING] - before[HEADING]) < t.jump_rad
+                good = good and invert(work.information, work.factor, P)
+            if good:
+                misses = 0 if seen_left and seen_right else max(0, misses - 1)
+                for side in range(2):
+                    found, expected = (
+                        (found_left, expected_left) if side == LEFT else (found_right, expected_right)
+                    )
+                    share = found / max(expected, 1)
+                    new.found[i, side] = share
+                    usual = new.share[i, side]
+                    new.share[i, side] = usual + (0.3 if share > usual else 0.02) * (share - usual)
+                if status == TENTATIVE:
+                    if not (seen_left and seen_right):
+                        status = SEARCHING
+                    elif age >= t.confirm_frames:
+                        status = LOCKED
+            else:
+                seen_left, seen_right = False, False
+                x[:] = before
+                new.found[i, :] = 0.0
+                misses += 1
+                if status == TENTATIVE or misses > t.patience_frames or not plausible(x, t):
+                    status = SEARCHING
+        one_sided = 0 if seen_left and seen_right else old.one_sided[i] + 1
+        if one_sided > t.one_sided_frames:
+            status = SEARCHING
+        new.one_sided[i] = one_sided if status != SEARCHING else 0
+        new.phase[i], new.status[i], new.misses[i], new.age[i] = phase, status, misses, age
+        if status == SEARCHING:
+            new.found[i, :] = 0.0
+            new.share[i, :] = 0.0
+            x[:] = 0.0
+            P[:, :] = 0.0
+        trace(x, phase, work.node)
+        _report(i, x, phase, status, seen_left, seen_right, shift, p, t, work.node, new, out)
+
+
+@kernel
+def _report(i, x, phase, status, seen_left, seen_right, shift, p, t, node, new, out):  # type: ignore[no-untyped-def]
+    locked = status == LOCKED
+    out.locked[i] = locked
+    out.left_border_seen[i] = seen_left and locked
+    out.right_border_seen[i] = seen_right and locked
+    out.lane_shift[i] = shift if locked else 0
+    score = 0.0
+    for side in range(2):
+        score += 0.5 * min(1.0, new.found[i, side] / max(new.share[i, side], t.least_share))
+    out.score[i] = score if status != SEARCHING else 0.0
+    if not locked:
+        out.lateral_offset_m[i] = math.nan
+        out.heading_error_rad[i] = math.nan
+        out.curvature_1pm[i] = math.nan
+        out.curvature_rate_1pm2[i] = math.nan
+        out.lane_width_m[i] = math.nan
+        out.preview_offset_m[i] = math.nan
+        out.preview_heading_rad[i] = math.nan
+        return
+    left, direction, station = preview(x, node, t.preview_m)
+    out.lateral_offset_m[i] = x[OFFSET]
+    out.heading_error_rad[i] = x[HEADING]
+    out.curvature_1pm[i] = curvature_at(x, phase, station)
+    # the secant over the 2 s ahead of a vehicle, which is what the prediction drives on
+    out.curvature_rate_1pm2[i] = (curvature_at(x, phase, 2.0 * station) - curvature_at(x, phase, 0.0)) / (
+        2.0 * max(station, 1.0)
+    )
+    out.lane_width_m[i] = x[WIDTH]
+    out.preview_offset_m[i] = left
+    out.preview_heading_rad[i] = direction
+
+
+@kernel
+def columns_kernel(x, phase, status, rows, p, furthest, out):  # type: ignore[no-untyped-def]
+    """out (n, 2, rows): the column of both borders at each row; NaN where they are not seen or unlocked."""
+    node, border = np.zeros((NODES, 5)), np.zeros((rows.shape[0], 6))
+    for i in range(x.shape[0]):
+        out[i, :, :] = math.nan
+        if status[i] != LOCKED:
+            continue
+        trace(x[i], phase[i], node)
+        for side in range(2):
+            border_columns(x[i], rows, node, p, side, furthest, border)
+            for r in range(rows.shape[0]):
+                out[i, side, r] = border[r, 0]
+
+
+@kernel
+def parabola_kernel(columns, rows, width, left, right):  # type: ignore[no-untyped-def]
+    """Least-squares a, b, c of x = a y² + b y + c over the rows whose column is in the image; (n, 3) each."""
+    for i in range(columns.shape[0]):
+        for side in range(2):
+            out = left[i] if side == LEFT else right[i]
+            out[:] = math.nan
+            s0, s1, s2, s3, s4, m0, m1, m2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for r in range(rows.shape[0]):
+                c = columns[i, side, r]
+                if not (0.0 <= c <= width - 1.0):
+                    continue
+                y = rows[r] * 0.01
+                square = y * y
+                s0 += 1.0
+                s1 += y
+                s2 += square
+                s3 += square * y
+                s4 += square * square
+                m0 += c
+                m1 += c * y
+                m2 += c * square
+            if s0 < 5.0:
+                continue
+            # Cramer's rule for [s4 s3 s2; s3 s2 s1; s2 s1 s0] (a, b, c) = (m2, m1, m0)
+            d0, d1, d2 = s2 * s0 - s1 * s1, s3 * s0 - s1 * s2, s3 * s1 - s2 * s2
+            det = s4 * d0 - s3 * d1 + s2 * d2
+            a = (m2 * d0 - s3 * (m1 * s0 - s1 * m0) + s2 * (m1 * s1 - s2 * m0)) / det
+            b = (s4 * (m1 * s0 - s1 * m0) - m2 * d1 + s2 * (s3 * m0 - m1 * s2)) / det
+            out[0], out[1] = a * 1e-4, b * 0.01
+            out[2] = (m0 - b * s1 - a * s2) / s0
+
+
+# reach of the model, for callers that check their settings against it
+REACH_M = FURTHEST_M

@@ -1,0 +1,84 @@
+"""Marking candidates on an image row: bright ridges of the width that paint has at that distance.
+
+A ridge is brighter than the road on *both* sides, so that the single edge of a shadow, a kerb or a car does
+not answer.
+"""
+
+import math
+
+import numpy as np
+
+from sumo_net.compile import kernel
+
+BUFFER_PX = 320
+
+
+@kernel
+def road_noise(frame, row, first, last):  # type: ignore[no-untyped-def]
+    """Mean absolute difference of neighbouring pixels on part of an array row, in grey levels."""
+    lo, hi = max(0, int(first)), min(frame.shape[1] - 1, int(last))
+    if hi - lo < 4:
+        return math.nan
+    total = 0
+    for j in range(lo, hi):
+        total += abs(np.int64(frame[row, j + 1]) - np.int64(frame[row, j]))
+    return total / (hi - lo)
+
+
+@kernel
+def candidates(frame, row, column, half, width_px, threshold, sums, response, out):  # type: ignore[no-untyped-def]
+    """The strongest ridges with their centre within `half` pixels of `column`; out (M, 2): centre, response.
+
+    The response is the mean grey over the paint's width less the mean of the brighter flank; the centre is
+    the centroid of what stands out. frame (240, 320) uint8, row: array row. sums, response: work space.
+    Returns how many were found; those with a response under `threshold` are none.
+    """
+    columns = frame.shape[1]
+    box = max(1, int(width_px + 0.5))
+    flank = max(2, min(box, 6))
+    reach = flank + 1  # a pixel each side is left out: it is part paint
+    lowest = max(math.ceil(column - half - 0.5 * (box - 1)), reach)
+    highest = min(math.floor(column + half - 0.5 * (box - 1)), columns - box - reach)
+    count = highest - lowest + 1
+    if count < 1:
+        return 0
+    base = lowest - reach
+    length = count + box + 2 * reach - 1
+    sums[0] = 0
+    for j in range(length):
+        sums[j + 1] = sums[j] + frame[row, base + j]
+    per_box, per_flank = 1.0 / box, 1.0 / flank
+    for k in range(count):
+        inner = sums[k + reach + box] - sums[k + reach]
+        one = sums[k + flank] - sums[k]
+        other = sums[k + box + 2 * reach] - sums[k + box + reach + 1]
+        response[k] = inner * per_box - max(one, other) * per_flank
+    found = 0
+    for k in range(count):
+        r = response[k]
+        if r < threshold:
+            continue
+        if (k > 0 and response[k - 1] > r) or (k + 1 < count and response[k + 1] >= r):
+            continue
+        # insert by falling response
+        place = found if found < out.shape[0] else out.shape[0]
+        while place > 0 and out[place - 1, 1] < r:
+            if place < out.shape[0]:
+                out[place, 0], out[place, 1] = out[place - 1, 0], out[place - 1, 1]
+            place -= 1
+        if place < out.shape[0]:
+            out[place, 0], out[place, 1] = k, r
+            found = min(found + 1, out.shape[0])
+    for m in range(found):
+        k = int(out[m, 0])
+        one = (sums[k + flank] - sums[k]) * per_flank
+        other = (sums[k + box + 2 * reach] - sums[k + box + reach + 1]) * per_flank
+        floor = max(one, other) + 0.25 * out[m, 1]
+        weight, moment = 0.0, 0.0
+        for j in range(k + reach - 1, k + reach + box + 1):
+            above = (sums[j + 1] - sums[j]) - floor
+            if above > 0.0:
+                weight += above
+                moment += above * j
+        out[m, 0] = base + moment / weight
+    return found
