@@ -102,7 +102,7 @@ class Highway:
         return self
 
     def lane_offset_m(self, lane: int) -> float:
-        """Centre of a lane (0 rightmost, as in SUMO) left of the alignment, in its own direction: negative."""
+        """Centre of a lane (0 rightmost) left of the alignment, driven in the lane's direction: negative."""
         return -(self.median_m / 2.0 + (self.lanes - lane - 0.5) * self.lane_width_m)
 
 
@@ -142,7 +142,7 @@ class Alignment:
         return x - left_m * np.sin(heading), y + left_m * np.cos(heading), heading, bend
 
     def offset_length(self, station_m: Array, left_m: float) -> Array:
-        """Arc length of that parallel line from the start to the alignment's stations: s − d (θ(s) − θ(0))."""
+        """Arc length of that parallel line up to the alignment's stations: s − d (θ(s) − θ(0))."""
         s = np.asarray(station_m, dtype=float)
         return s - left_m * (self.pose_at(s)[2] - self.heading_rad[0])
 

@@ -1,10 +1,39 @@
 """Which lanes a path runs through: behind a lane, and ahead of it along a route."""
 
+from typing import NamedTuple
+
 from sumo_net.lane_graph import Connection, LaneGraph
 
 BEHIND_M = 100.0  # so that the fit is settled 60 m behind the lane
 AHEAD_M = 260.0  # and 220 m beyond it
 _MOST_LANES = 1000
+
+
+class Piece(NamedTuple):
+    """The part of a lane that a path uses, as fractions of the lane."""
+
+    lane: str
+    begin: float
+    end: float
+
+
+def chain(
+    graph: LaneGraph, lane: str, route_ahead: tuple[str, ...], came_from: str
+) -> tuple[tuple[Piece, ...], int]:
+    """All pieces of the path of `lane` in driving order, and which of them is the lane's own.
+
+    The outermost lanes are cut to BEHIND_M and AHEAD_M.
+    """
+    behind, ahead = lanes_behind(graph, lane, came_from), lanes_ahead(graph, lane, route_ahead)
+    pieces = [Piece(name, 0.0, 1.0) for name in (*behind, lane, *ahead)]
+    length = {name: graph.lanes[name].length_m for name in (*behind, *ahead)}
+    if behind:
+        over = sum(length[name] for name in behind) - BEHIND_M
+        pieces[0] = pieces[0]._replace(begin=max(0.0, over / length[behind[0]]))
+    if ahead:
+        over = sum(length[name] for name in ahead) - AHEAD_M
+        pieces[-1] = pieces[-1]._replace(end=min(1.0, 1.0 - over / length[ahead[-1]]))
+    return tuple(pieces), len(behind)
 
 
 def lanes_behind(graph: LaneGraph, lane: str, came_from: str = "") -> list[str]:

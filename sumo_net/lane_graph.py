@@ -82,7 +82,7 @@ class LaneGraph:
 
 
 def read(file: Path) -> LaneGraph:
-    """Read a network. Raises NetworkError: no such file, not XML, XML entities, no lane for passenger cars."""
+    """Read a network. Raises NetworkError: no such file, not XML, XML entities, no lane for cars."""
     reader = _Reader(LaneGraph(file))
     parser = expat.ParserCreate()
     parser.StartElementHandler = reader.start

@@ -1,7 +1,7 @@
 """The smooth road of lane paths, from any SUMO lane shapes: pose, curvature, borders at a station.
 
-`RoadNetwork.path` names a path by a lane and the route ahead, fits it when it is first asked for, and keeps it
-in `RoadNetwork.table`, on which the kernels of `road_kernels` work.
+`RoadNetwork.path` names a path by a lane and the route ahead, fits it when it is first asked for, and keeps
+it in `RoadNetwork.table`, on which the kernels of `road_kernels` work.
 """
 
 from pathlib import Path
@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from sumo_net import lane_chain, lane_graph, road_fit
+from sumo_net.lane_chain import Piece
 from sumo_net.lane_graph import LaneGraph, NetworkError
 from sumo_net.network import BuiltNetwork, Carriageway
-from sumo_net.road_fit import SmoothPath
+from sumo_net.road_fit import SmoothPath, cut
 from sumo_net.road_marking import Markings
 from sumo_net.road_store import RoadStore
 from sumo_net.road_table import (
@@ -57,18 +58,18 @@ class RoadNetwork:
         self._markings = Markings(graph, shoulder_right_m, shoulder_left_m)
         self._store = RoadStore()
         self._errors: list[float] = []
-        self._by_lanes: dict[tuple[tuple[str, ...], int], int] = {}
+        self._by_lanes: dict[tuple[tuple[Piece, ...], int], int] = {}
         self._by_route: dict[tuple[str, tuple[str, ...], str], int] = {}
-        self._ways: dict[str, tuple[Carriageway, float]] = {}  # edge -> its direction and that one's first x
+        self._ways: dict[str, Carriageway] = {}
         self._built = built
         if built is not None:
-            self._ways = {edge: (way, 0.0) for way in built.carriageways for edge in way.edges}
+            self._ways = {edge: way for way in built.carriageways for edge in way.edges}
 
     @classmethod
     def from_net_file(cls, path: Path) -> "RoadNetwork":
         """Roads fitted to the lane shapes of a `.net.xml` (or `.net.xml.gz`).
 
-        Raises NetworkError (a ValueError) that names the file: missing, malformed, or without a lane for cars.
+        Raises NetworkError (a ValueError) that names the file: missing, malformed, no lane for cars.
         """
         return cls(lane_graph.read(path))
 
@@ -96,11 +97,9 @@ class RoadNetwork:
         """
         asked = (lane_id, route_ahead, came_from)
         if asked not in self._by_route:
-            behind = lane_chain.lanes_behind(self.graph, lane_id, came_from)
-            lanes = (*behind, lane_id, *lane_chain.lanes_ahead(self.graph, lane_id, route_ahead))
-            key = (lanes, len(behind))
+            key = lane_chain.chain(self.graph, lane_id, route_ahead, came_from)
             if key not in self._by_lanes:
-                self._by_lanes[key] = self._add(lanes, len(behind))
+                self._by_lanes[key] = self._add(*key)
             self._by_route[asked] = self._by_lanes[key]
         return self._by_route[asked]
 
@@ -108,30 +107,35 @@ class RoadNetwork:
         """Largest lateral distance between the path and SUMO's lane shapes, m (0 for the exact highway)."""
         return self._errors[path]
 
-    def _add(self, lanes: tuple[str, ...], own: int) -> int:
-        smooth = self._exact(lanes) if self._ways else None
+    def _add(self, pieces: tuple[Piece, ...], own: int) -> int:
+        lanes = [self.graph.lanes[piece.lane] for piece in pieces]
+        smooth = self._exact(pieces) if self._ways else None
         if smooth is None:
-            smooth = road_fit.fit([self.graph.lanes[lane].shape for lane in lanes])
+            smooth = road_fit.fit(
+                [cut(lane.shape, piece.begin, piece.end) for lane, piece in zip(lanes, pieces, strict=True)]
+            )
         self._errors.append(smooth.error_m)
-        sections = [self._markings.section(lane) for lane in lanes]
-        return self._store.append(smooth, sections, own, self.graph.lanes[lanes[own]].length_m)
+        sections = [self._markings.section(lane.id) for lane in lanes]
+        return self._store.append(smooth, pieces, sections, own, lanes[own].length_m)
 
-    def _exact(self, lanes: tuple[str, ...]) -> SmoothPath | None:
+    def _exact(self, pieces: tuple[Piece, ...]) -> SmoothPath | None:
+        # From the highway's alignment; None for lanes that are not one lane of one direction of it.
         assert self._built is not None
-        on_edges = [self.graph.lanes[lane] for lane in lanes if not self.graph.lanes[lane].internal]
+        lanes = [self.graph.lanes[piece.lane] for piece in pieces]
+        on_edges = [lane for lane in lanes if not lane.internal]
         if len({lane.index for lane in on_edges}) != 1 or on_edges[0].edge not in self._ways:
             return None
-        way = self._ways[on_edges[0].edge][0]
+        way = self._ways[on_edges[0].edge]
         offset = self._built.highway.lane_offset_m(on_edges[0].index)
         nodes = way.alignment.offset_length(way.start_m, offset)
         starts, ends = np.empty(len(lanes)), np.empty(len(lanes))
         at = way.edges.index(on_edges[0].edge)
-        for k, lane in enumerate(lanes):
-            internal = self.graph.lanes[lane].internal
-            starts[k] = nodes[at]
-            if not internal:
+        for k, (lane, piece) in enumerate(zip(lanes, pieces, strict=True)):
+            start = nodes[at]
+            if not lane.internal:  # SUMO's lanes inside the nodes have no length here
                 at += 1
-            ends[k] = nodes[at]
+            starts[k] = start + piece.begin * (nodes[at] - start)
+            ends[k] = start + piece.end * (nodes[at] - start)
         length = float(ends[-1] - starts[0])
         count = max(round(length / road_fit.SPACING_M), 2)
         s = way.alignment.station_of_offset_length(starts[0] + np.linspace(0.0, length, count + 1), offset)

@@ -7,8 +7,9 @@ two ends' curvatures, none where they disagree), and sampled every half metre. T
     Σ |p − q|² + Σ λ |Δ³p|²,    λ = (ℓ/h)⁶
 
 is taken (Whittaker 1923): a penalty on the third derivative leaves straights and arcs as they are and lets
-waves longer than about 2πℓ pass. ℓ starts at `SCALE_M` and shrinks where the curve strays further than
-`TOLERANCE_M` from the shape: at kinks and tight corners.
+waves longer than about 2πℓ pass. ℓ starts at `SCALE_M` and shrinks where the curve strays further from the
+shape than `TOLERANCE_M`, or than `KINK_TOLERANCE_M` around kinks and tight corners, so that a kink of the
+drawing does not become a bend that no car can drive.
 """
 
 from dataclasses import dataclass
@@ -16,12 +17,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
+from scipy.ndimage import maximum_filter1d
 
 from sumo_net.road_table import Array
 
 SCALE_M = 12.0  # ℓ where nothing speaks against it
 SHORTEST_SCALE_M = 0.4
-TOLERANCE_M = 0.02
+TOLERANCE_M = 0.012
+TIGHT_1PM = 1.0 / 40.0  # where the curve would be tighter, the shape has a kink rather than a bend
+KINK_TOLERANCE_M = 0.08  # and there the curve may cut it
+_KINK_REACH_M = 10.0
 STEP_M = 0.5  # h
 SPACING_M = 1.0  # of the samples handed on
 _SHORT_CHORD_M = 1.0  # points closer than this say little about curvature
@@ -53,6 +58,17 @@ def fit(shapes: list[Array]) -> SmoothPath:
     p = _smooth(q, float(along[1]))
     h = float(along[1])
     return _resample(p, q, at_points[starts] / h, at_points[ends] / h)
+
+
+def cut(shape: Array, begin: float, end: float) -> Array:
+    """The part of a polyline (points, 2) between two fractions of its length; at least two points."""
+    if begin <= 0.0 and end >= 1.0:
+        return shape
+    at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape, axis=0).T))])
+    at = at / max(float(at[-1]), 1e-9)
+    inside = at[(at > begin) & (at < end)]
+    wanted = np.concatenate([[begin], inside, [end]])
+    return np.column_stack([np.interp(wanted, at, shape[:, 0]), np.interp(wanted, at, shape[:, 1])])
 
 
 def _concatenate(shapes: list[Array]) -> tuple[Array, Array, Array]:
@@ -130,13 +146,16 @@ def _smooth(q: Array, h: float) -> Array:
     for _ in range(_ROUNDS):
         p = _whittaker(q, scale, h)
         away = np.abs(_lateral(p, q))
-        bad = away > TOLERANCE_M
-        if not bad.any() or scale[bad].max() <= SHORTEST_SCALE_M:
+        tight = np.zeros(len(q))
+        tight[1:-1] = np.hypot(*(p[2:] - 2.0 * p[1:-1] + p[:-2]).T) / h**2 > TIGHT_1PM
+        kink = maximum_filter1d(tight, 2 * round(_KINK_REACH_M / h) + 1) > 0.0
+        tolerance = np.where(kink, KINK_TOLERANCE_M, TOLERANCE_M)
+        bad = (away > tolerance) & (scale > SHORTEST_SCALE_M)
+        if not bad.any():
             break
         # How far a curve strays grows with the scale: linearly at a kink, as its cube where a bend begins.
-        wanted = np.where(
-            bad, scale * np.clip(0.9 * np.sqrt(TOLERANCE_M / np.maximum(away, 1e-9)), 0.4, 0.9), np.inf
-        )
+        less = (tolerance / np.maximum(away, 1e-9)) ** np.where(kink, 0.7, 0.4)
+        wanted = np.where(bad, scale * np.clip(0.95 * less, 0.3, 0.9), np.inf)
         scale = np.minimum(scale, _spread(np.maximum(wanted, SHORTEST_SCALE_M), h))
     return p
 

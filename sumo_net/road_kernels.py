@@ -19,7 +19,7 @@ _SIDE_WAYS = math.radians(80.0)  # a road turned further away than this is not r
 @kernel
 def path_length(table, path):  # type: ignore[no-untyped-def]
     """Station of the path's end, m."""
-    return (table.count[path] - 1) * table.spacing_m[path]
+    return (table.samples[path] - 1) * table.spacing_m[path]
 
 
 @kernel
@@ -29,7 +29,7 @@ def pose_at(table, path, s):  # type: ignore[no-untyped-def]
     Between samples the position is the cubic with the samples' headings as tangents (off by h⁴κ³/384: 0.02 mm
     for R 5 m), the heading the cubic with their curvatures as slopes, the curvature linear.
     """
-    first, last = table.first[path], table.count[path] - 1
+    first, last = table.first_sample[path], table.samples[path] - 1
     h = table.spacing_m[path]
     u = s / h
     if u <= 0.0 or u >= last:
@@ -96,10 +96,10 @@ def project(table, path, x, y, s_guess):  # type: ignore[no-untyped-def]
     s, d, found = _newton(table, path, x, y, s_guess)
     if found and abs(d) < 15.0 and abs(s - s_guess) < 60.0:
         return s, d
-    h, last = table.spacing_m[path], table.count[path] - 1
+    h, last = table.spacing_m[path], table.samples[path] - 1
     best, nearest = 0, math.inf
     for i in range(last + 1):
-        at = table.first[path] + i
+        at = table.first_sample[path] + i
         distance = math.hypot(table.x_m[at] - x, table.y_m[at] - y)
         distance += 0.01 * abs(i * h - s_guess)  # of two passes of the same place, the one near the guess
         if distance < nearest:
@@ -111,15 +111,15 @@ def project(table, path, x, y, s_guess):  # type: ignore[no-untyped-def]
         return s, d
     # No perpendicular foot (the point lies at a centre of curvature): the nearest sample stands for it.
     _, _, heading, _ = pose_at(table, path, best * h)
-    at = table.first[path] + best
+    at = table.first_sample[path] + best
     return best * h, math.cos(heading) * (y - table.y_m[at]) - math.sin(heading) * (x - table.x_m[at])
 
 
 @kernel
 def segment_at(table, path, s):  # type: ignore[no-untyped-def]
     """Row of the segment that station s is in (the first or the last one beyond the ends)."""
-    low = table.segment_first[path]
-    high = low + table.segment_count[path] - 1
+    low = table.first_segment[path]
+    high = low + table.segments[path] - 1
     while low < high:
         middle = (low + high + 1) // 2
         if table.segment_start_m[middle] <= s:
@@ -240,7 +240,7 @@ def ahead(table, path, s, d, heading_error):  # type: ignore[no-untyped-def]
         own += heading_error[k]
         cos, sin = math.cos(own), math.sin(own)
         g = segment_at(table, path[k], s[k] + AHEAD_M[0])
-        last = table.segment_first[path[k]] + table.segment_count[path[k]] - 1
+        last = table.first_segment[path[k]] + table.segments[path[k]] - 1
         before = -math.inf
         for j in range(J):
             at = s[k] + AHEAD_M[j]

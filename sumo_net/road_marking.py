@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sumo_net.lane_graph import Edge, Lane, LaneGraph
+from sumo_net.lane_graph import Connection, Edge, Lane, LaneGraph
 from sumo_net.road_table import DASHED, MAX_BORDERS, NO_MARKING, OWN_RIGHT, SOLID, Array
 
 _JUNCTION_M = 6.0  # asphalt to either side of a path through a junction, at least
@@ -203,7 +203,7 @@ class Markings:
         return None
 
 
-def _straight(graph: LaneGraph, lane: str) -> list:  # type: ignore[type-arg]
+def _straight(graph: LaneGraph, lane: str) -> list[Connection]:
     return [c for c in graph.inward.get(lane, []) if c.direction != "t"]
 
 

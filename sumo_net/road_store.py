@@ -1,17 +1,35 @@
 """The growing store behind the RoadTable: paths are appended, arrays double when they are full."""
 
+from typing import Any
+
 import numpy as np
 
+from sumo_net.lane_chain import Piece
 from sumo_net.road_fit import SmoothPath
 from sumo_net.road_marking import Section
 from sumo_net.road_table import MAX_BORDERS, Array, RoadTable
 
-_PATH = ("first", "count", "spacing_m", "own_start_m", "own_end_m", "own_length_m")
-_PATH += ("segment_first", "segment_count")
+_PATH = (
+    "first_sample",
+    "samples",
+    "spacing_m",
+    "own_start_m",
+    "own_end_m",
+    "own_length_m",
+    "first_segment",
+    "segments",
+)
 _SAMPLE = ("x_m", "y_m", "heading_rad", "curvature_1pm")
-_SEGMENT = ("segment_start_m", "anchor_m", "stretch", "border_offset_m", "border_kind")
-_SEGMENT += ("road_right_m", "road_left_m")
-_INTEGERS = ("first", "count", "segment_first", "segment_count")
+_SEGMENT = (
+    "segment_start_m",
+    "anchor_m",
+    "stretch",
+    "border_offset_m",
+    "border_kind",
+    "road_right_m",
+    "road_left_m",
+)
+_INTEGERS = ("first_sample", "samples", "first_segment", "segments")
 
 
 class RoadStore:
@@ -32,28 +50,44 @@ class RoadStore:
     def __len__(self) -> int:
         return self._used["path"]
 
-    def append(self, smooth: SmoothPath, sections: list[Section], own: int, own_length_m: float) -> int:
-        """Add a path whose lanes have these sections; `own` is the path's own lane among them."""
+    def append(
+        self,
+        smooth: SmoothPath,
+        pieces: tuple[Piece, ...],
+        sections: list[Section],
+        own: int,
+        own_length_m: float,
+    ) -> int:
+        """Add a path through lane pieces with these sections; `own` is the path's own lane among them."""
         self._grow("sample", _SAMPLE, len(smooth.x_m))
         self._grow("segment", _SEGMENT, len(sections))
         self._grow("path", _PATH, 1)
         path, first, segment = (self._used[kind] for kind in ("path", "sample", "segment"))
         for name in _SAMPLE:
             self._arrays[name][first : first + len(smooth.x_m)] = getattr(smooth, name)
-        for k, section in enumerate(sections):
+        for k, (piece, section) in enumerate(zip(pieces, sections, strict=True)):
             start, end = smooth.lane_start_m[k], smooth.lane_end_m[k]
-            row = (start, section.anchor_m, section.length_m / (end - start) if end - start > 0.05 else 1.0)
-            row += (section.border_offset_m, section.border_kind, section.road_right_m, section.road_left_m)
-            for name, value in zip(_SEGMENT, row, strict=True):
-                self._arrays[name][segment + k] = value
-        head = (first, len(smooth.x_m), smooth.spacing_m, smooth.lane_start_m[own], smooth.lane_end_m[own])
-        head += (own_length_m, segment, len(sections))
-        for name, value in zip(_PATH, head, strict=True):
-            self._arrays[name][path] = value
+            length = (piece.end - piece.begin) * section.length_m
+            self._put("segment_start_m", segment + k, start)
+            self._put("anchor_m", segment + k, section.anchor_m + piece.begin * section.length_m)
+            self._put("stretch", segment + k, length / (end - start) if end - start > 0.05 else 1.0)
+            for name in ("border_offset_m", "border_kind", "road_right_m", "road_left_m"):
+                self._put(name, segment + k, getattr(section, name))
+        self._put("first_sample", path, first)
+        self._put("samples", path, len(smooth.x_m))
+        self._put("spacing_m", path, smooth.spacing_m)
+        self._put("own_start_m", path, smooth.lane_start_m[own])
+        self._put("own_end_m", path, smooth.lane_end_m[own])
+        self._put("own_length_m", path, own_length_m)
+        self._put("first_segment", path, segment)
+        self._put("segments", path, len(sections))
         for kind, more in (("path", 1), ("sample", len(smooth.x_m)), ("segment", len(sections))):
             self._used[kind] += more
         self.table = RoadTable(**self._arrays)
         return path
+
+    def _put(self, name: str, row: int, value: Any) -> None:
+        self._arrays[name][row] = value
 
     def _grow(self, kind: str, names: tuple[str, ...], more: int) -> None:
         needed = self._used[kind] + more

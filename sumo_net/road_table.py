@@ -57,14 +57,14 @@ class RoadTable(NamedTuple):
     """
 
     # per path
-    first: Array  # int64, first sample
-    count: Array  # int64, samples
+    first_sample: Array  # int64
+    samples: Array  # int64, how many
     spacing_m: Array  # between samples, about 1 m
     own_start_m: Array  # station where the path's own lane starts
     own_end_m: Array
     own_length_m: Array  # SUMO's length of that lane
-    segment_first: Array  # int64
-    segment_count: Array  # int64
+    first_segment: Array  # int64
+    segments: Array  # int64, how many
     # per sample
     x_m: Array
     y_m: Array
