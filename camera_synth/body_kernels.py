@@ -1,0 +1,230 @@
+"""Bodies as boxes: the faces that the camera sees, as polygons in the image, far ones first."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from camera_synth.degrade import lattice_unit
+from sumo_net.compile import kernel
+
+Array = np.ndarray[Any, Any]
+
+POLYGONS = 20  # at most for one body
+_VERTICES = 6
+_NEAREST_M = 0.3  # depth at which faces are cut off
+_UNUSED = -1
+
+
+class Bodies(NamedTuple):
+    """Scratch for one vehicle: what it sees of the bodies around it, in painter's order."""
+
+    used: Array  # (1,) int64, bodies in view
+    polygons: Array  # (M,) int64, of each
+    low: Array  # (M,) lowest image height of each
+    high: Array  # (M,)
+    vertex: Array  # (M, POLYGONS, _VERTICES, 2)
+    vertices: Array  # (M, POLYGONS) int64
+    grey: Array  # (M, POLYGONS)
+    opacity: Array  # (M, POLYGONS)
+
+
+@kernel
+def new_bodies(count):  # type: ignore[no-untyped-def]
+    """Empty Bodies for M = `count`."""
+    return Bodies(
+        np.zeros(1, np.int64),
+        np.zeros(count, np.int64),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros((count, POLYGONS, _VERTICES, 2)),
+        np.zeros((count, POLYGONS), np.int64),
+        np.zeros((count, POLYGONS)),
+        np.zeros((count, POLYGONS)),
+    )
+
+
+@kernel
+def place(bodies, objects, i, p, light, haze_grey, visibility):  # type: ignore[no-untyped-def]
+    """Fill `bodies` with what vehicle i sees of its Objects; light: the daylight's gain."""
+    count = objects.handle.shape[1]
+    order = np.empty(count, np.int64)
+    distance = np.empty(count)
+    found = 0
+    for m in range(count):
+        if objects.handle[i, m] == _UNUSED or math.isnan(objects.forward_m[i, m]):
+            continue
+        away = math.hypot(objects.forward_m[i, m] - p.forward, objects.left_m[i, m] - p.left)
+        at = found
+        while at > 0 and distance[at - 1] < away:
+            distance[at], order[at] = distance[at - 1], order[at - 1]
+            at -= 1
+        distance[at], order[at] = away, m
+        found += 1
+    used = 0
+    for at in range(found):
+        bodies.polygons[used] = 0
+        bodies.low[used], bodies.high[used] = math.inf, -math.inf
+        keep = visibility / (visibility + distance[at])
+        _place_body(bodies, used, objects, i, order[at], p, light * keep, haze_grey * (1.0 - keep))
+        if bodies.polygons[used] > 0:
+            used += 1
+    bodies.used[0] = used
+
+
+@kernel
+def _place_body(bodies, b, objects, i, m, p, light, haze):  # type: ignore[no-untyped-def]
+    sin_h, cos_h = math.sin(objects.heading_rad[i, m]), math.cos(objects.heading_rad[i, m])
+    f, g = objects.forward_m[i, m], objects.left_m[i, m]
+    half_l, half_w = 0.5 * objects.length_m[i, m], 0.5 * objects.width_m[i, m]
+    height = objects.height_m[i, m]
+    handle = objects.handle[i, m]
+    vehicle = handle >= 0
+    car = vehicle and height < 2.2 and half_l < 3.5
+    paint = 35.0 + 190.0 * lattice_unit(handle, 77) if vehicle else 110.0
+    dark = 22.0
+    # the camera in the body's own frame
+    cf = cos_h * (p.forward - f) + sin_h * (p.left - g)
+    cl = -sin_h * (p.forward - f) + cos_h * (p.left - g)
+    if abs(cf) <= half_l and abs(cl) <= half_w:
+        return  # the camera would sit inside
+    corner = np.empty((4, 3))
+    if vehicle:
+        reach = 0.15
+        for q in range(4):
+            a = half_l + reach if q in (0, 3) else -half_l - reach
+            c = half_w + reach if q in (0, 1) else -half_w - reach
+            corner[q, 0], corner[q, 1], corner[q, 2] = (
+                f + a * cos_h - c * sin_h,
+                g + a * sin_h + c * cos_h,
+                0.0,
+            )
+        _polygon(bodies, b, corner, p, dark * light + haze, 0.75)
+    for side in range(4):  # rear, front, left, right
+        if side == 0 and cf < -half_l:
+            a0, c0, a1, c1, tone = -half_l, half_w, -half_l, -half_w, 1.0
+        elif side == 1 and cf > half_l:
+            a0, c0, a1, c1, tone = half_l, -half_w, half_l, half_w, 1.0
+        elif side == 2 and cl > half_w:
+            a0, c0, a1, c1, tone = half_l, half_w, -half_l, half_w, 0.78
+        elif side == 3 and cl < -half_w:
+            a0, c0, a1, c1, tone = -half_l, -half_w, half_l, -half_w, 1.12
+        else:
+            continue
+        x0, y0 = f + a0 * cos_h - c0 * sin_h, g + a0 * sin_h + c0 * cos_h
+        x1, y1 = f + a1 * cos_h - c1 * sin_h, g + a1 * sin_h + c1 * cos_h
+        body = min(paint * tone, 245.0) * light + haze
+        glass, tyre = (38.0 + 12.0 * tone) * light + haze, dark * light + haze
+        _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.0, 1.0, 0.0, height, body, 1.0)
+        if not vehicle:
+            continue
+        if side <= 1:
+            _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.0, 1.0, 0.0, 0.14 * height, tyre, 1.0)
+            if car or side == 1:
+                _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.1, 0.9, 0.6 * height, 0.9 * height, glass, 1.0)
+            lamp = (75.0 if side == 0 else 235.0) * light + haze
+            low, high = (0.42, 0.54) if car else (0.2, 0.26)
+            _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.04, 0.16, low * height, high * height, lamp, 1.0)
+            _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.84, 0.96, low * height, high * height, lamp, 1.0)
+            plate = 190.0 * light + haze
+            low, high = (0.3, 0.38) if car else (0.15, 0.19)
+            _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.38, 0.62, low * height, high * height, plate, 1.0)
+        else:
+            if car:
+                _panel(
+                    bodies, b, corner, p, x0, y0, x1, y1, 0.2, 0.88, 0.6 * height, 0.9 * height, glass, 1.0
+                )
+            wheel = min(0.65, 0.3 * height)
+            span = min(0.65 / (2.0 * half_l), 0.3)
+            for at in (0.12, 0.88 - span):
+                _panel(bodies, b, corner, p, x0, y0, x1, y1, at, at + span, 0.0, wheel, tyre, 1.0)
+
+
+@kernel
+def _panel(bodies, b, corner, p, x0, y0, x1, y1, u0, u1, z0, z1, grey, opacity):  # type: ignore[no-untyped-def]
+    """A part of an upright face over the ground line (x0, y0) -> (x1, y1): shares u of it, heights z."""
+    for q in range(4):
+        u = u0 if q in (0, 3) else u1
+        corner[q, 0] = x0 + u * (x1 - x0)
+        corner[q, 1] = y0 + u * (y1 - y0)
+        corner[q, 2] = z0 if q < 2 else z1
+    _polygon(bodies, b, corner, p, grey, opacity)
+
+
+@kernel
+def _polygon(bodies, b, corner, p, grey, opacity):  # type: ignore[no-untyped-def]
+    """Project a quadrilateral (4, 3) in the vehicle frame, cut at the nearest depth, and keep it."""
+    q = bodies.polygons[b]
+    if q >= POLYGONS:
+        return
+    vertex = bodies.vertex[b, q]
+    camera = np.empty((4, 3))
+    for c in range(4):
+        f, g, u = corner[c, 0] - p.forward, corner[c, 1] - p.left, corner[c, 2] - p.height
+        ahead = p.cos_yaw * f + p.sin_yaw * g
+        camera[c, 0] = p.cos_pitch * ahead - p.sin_pitch * u
+        camera[c, 1] = p.sin_yaw * f - p.cos_yaw * g  # to the right
+        camera[c, 2] = p.sin_pitch * ahead + p.cos_pitch * u
+    used = 0
+    for c in range(4):
+        d = (c + 1) % 4
+        z0, z1 = camera[c, 0], camera[d, 0]
+        if z0 >= _NEAREST_M:
+            vertex[used, 0] = p.center_x + p.focal * camera[c, 1] / z0
+            vertex[used, 1] = p.center_y + p.focal_y * camera[c, 2] / z0
+            used += 1
+        if (z0 >= _NEAREST_M) != (z1 >= _NEAREST_M):
+            t = (_NEAREST_M - z0) / (z1 - z0)
+            aside = camera[c, 1] + t * (camera[d, 1] - camera[c, 1])
+            rise = camera[c, 2] + t * (camera[d, 2] - camera[c, 2])
+            vertex[used, 0] = p.center_x + p.focal * aside / _NEAREST_M
+            vertex[used, 1] = p.center_y + p.focal_y * rise / _NEAREST_M
+            used += 1
+    if used < 3:
+        return
+    bodies.vertices[b, q] = used
+    bodies.grey[b, q] = grey
+    bodies.opacity[b, q] = opacity
+    for c in range(used):
+        bodies.low[b] = min(bodies.low[b], vertex[c, 1])
+        bodies.high[b] = max(bodies.high[b], vertex[c, 1])
+    bodies.polygons[b] = q + 1
+
+
+@kernel
+def paint_bodies(row, y, bodies):  # type: ignore[no-untyped-def]
+    """Paint what the image row at height y shows of the bodies."""
+    for b in range(bodies.used[0]):
+        if y + 0.5 <= bodies.low[b] or y - 0.5 >= bodies.high[b]:
+            continue
+        for q in range(bodies.polygons[b]):
+            _paint_polygon(
+                row, y, bodies.vertex[b, q], bodies.vertices[b, q], bodies.grey[b, q], bodies.opacity[b, q]
+            )
+
+
+@kernel
+def _paint_polygon(row, y, vertex, used, grey, opacity):  # type: ignore[no-untyped-def]
+    low, high = math.inf, -math.inf
+    for c in range(used):
+        low, high = min(low, vertex[c, 1]), max(high, vertex[c, 1])
+    low, high = max(low, y - 0.5), min(high, y + 0.5)
+    if high <= low:
+        return
+    middle = 0.5 * (low + high)
+    left, right = math.inf, -math.inf
+    for c in range(used):
+        d = (c + 1) % used
+        y0, y1 = vertex[c, 1], vertex[d, 1]
+        if (y0 <= middle) != (y1 <= middle):
+            x = vertex[c, 0] + (middle - y0) / (y1 - y0) * (vertex[d, 0] - vertex[c, 0])
+            left, right = min(left, x), max(right, x)
+    left, right = max(left, -1.0), min(right, row.shape[0] + 0.0)
+    if right <= left:
+        return
+    share = np.float32((high - low) * opacity)
+    grey = np.float32(grey)
+    first, last = math.floor(left + 0.5), math.floor(right + 0.5)
+    for x in range(max(first, 0), min(last, row.shape[0] - 1) + 1):
+        cover = np.float32(min(x + 0.5, right) - max(x - 0.5, left)) * share
+        row[x] += cover * (grey - row[x])

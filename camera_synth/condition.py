@@ -1,0 +1,152 @@
+"""What the camera sees by: light, weather, paint and sensor, every strength a setting.
+
+Grey values are those of the 8-bit image before noise. Lengths of the patterns are on the ground. What stands
+in the world (shadows, wear, texture, overpasses) depends on `world_seed` and the place only, so that every
+vehicle sees the same; what belongs to the camera (noise, drift) depends on the vehicle's key and the frame.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from sumo_net.settings import settings
+
+Array = np.ndarray[Any, Any]
+
+
+@settings
+class Condition:
+    """One kind of day. The defaults are the preset `clear`."""
+
+    world_seed: int = Field(1, ge=0, lt=2**31, description="of all patterns that stand in the world")
+
+    asphalt_grey: float = Field(98.0, ge=0, le=255, description="road surface")
+    paint_grey: float = Field(215.0, ge=0, le=255, description="new marking")
+    verge_grey: float = Field(74.0, ge=0, le=255, description="grass beside the road")
+    sky_grey: float = Field(205.0, ge=0, le=255, description="sky above the horizon")
+    haze_grey: float = Field(150.0, ge=0, le=255, description="what distance fades to")
+    visibility_m: float = Field(1500.0, gt=0, description="distance at which half of the contrast is left")
+
+    marking_width_m: float = Field(0.15, gt=0, le=1, description="lines between lanes")
+    edge_width_m: float = Field(0.20, gt=0, le=1, description="outermost lines")
+    dash_stroke_m: float = Field(6.0, gt=0, description="painted length of a dashed line")
+    dash_gap_m: float = Field(9.0, ge=0, description="unpainted length of a dashed line")
+
+    texture: float = Field(4.0, ge=0, le=60, description="grey levels of asphalt patches, peak about twice")
+    wheel_tracks: float = Field(3.0, ge=0, le=60, description="grey levels that wheel tracks are darker by")
+    wear: float = Field(0.0, ge=0, le=1, description="0 new paint, 1 patchy down to the asphalt")
+    missing: float = Field(0.0, ge=0, le=0.9, description="share of the markings' length gone altogether")
+
+    shadow: float = Field(0.0, ge=0, le=1, description="share of the light that a tree's shadow takes")
+    shadow_cover: float = Field(0.3, ge=0, le=1, description="share of the road in trees' shadow, about")
+    overpass: float = Field(0.0, ge=0, le=1, description="share of the light that an overpass takes")
+    overpass_spacing_m: float = Field(600.0, ge=50, description="one overpass in each such length of an edge")
+
+    ambient: float = Field(1.0, ge=0, le=2, description="gain of all daylight; 0.15 is night with headlights")
+    headlight: float = Field(0.0, ge=0, le=3, description="gain of the own headlights right ahead")
+    headlight_reach_m: float = Field(35.0, gt=0, description="distance at which a quarter of it is left")
+
+    glare: float = Field(0.0, ge=0, le=0.9, description="share of the contrast lost looking at the sun")
+    sun_azimuth_rad: float = Field(0.3, description="direction of the sun, counter-clockwise from +x")
+
+    drift: float = Field(0.02, ge=0, le=0.6, description="relative swing of the gain")
+    drift_grey: float = Field(0.0, ge=0, le=60, description="swing of the black level, grey levels")
+    drift_frames: float = Field(80.0, gt=1, description="frames between independent values of both")
+
+    vignetting: float = Field(0.03, ge=0, le=0.8, description="share of the light lost in the corners")
+    noise_grey: float = Field(3.0, ge=0, le=60, description="standard deviation of the sensor's noise")
+
+
+_PRESETS: dict[str, dict[str, Any]] = {
+    "clear": {},
+    "complex": {
+        "asphalt_grey": 92.0,
+        "paint_grey": 190.0,
+        "visibility_m": 500.0,
+        "texture": 8.0,
+        "wheel_tracks": 7.0,
+        "wear": 0.6,
+        "missing": 0.06,
+        "shadow": 0.55,
+        "shadow_cover": 0.3,
+        "overpass": 0.75,
+        "glare": 0.45,
+        "drift": 0.25,
+        "drift_grey": 10.0,
+        "vignetting": 0.15,
+        "noise_grey": 8.0,
+    },
+    "night": {
+        "ambient": 0.16,
+        "headlight": 0.9,
+        "sky_grey": 40.0,
+        "haze_grey": 20.0,
+        "visibility_m": 300.0,
+        "noise_grey": 6.0,
+        "drift": 0.05,
+    },
+    "overpass": {"overpass": 0.8, "overpass_spacing_m": 250.0},
+    "shadows": {"shadow": 0.6, "shadow_cover": 0.4},
+    "glare": {"glare": 0.65, "visibility_m": 500.0, "noise_grey": 4.0},
+    "worn": {"wear": 0.9, "missing": 0.15, "texture": 8.0},
+    "rain": {
+        "asphalt_grey": 70.0,
+        "paint_grey": 150.0,
+        "haze_grey": 140.0,
+        "visibility_m": 120.0,
+        "texture": 6.0,
+        "noise_grey": 5.0,
+    },
+}
+
+PRESETS = tuple(_PRESETS)
+
+
+def preset(name: str, **changes: Any) -> Condition:
+    """The named condition with some settings changed. Raises ValueError for a name that is not in PRESETS."""
+    if name not in _PRESETS:
+        raise ValueError(f"condition = {name!r}: known are {', '.join(PRESETS)}")
+    return Condition(**{**_PRESETS[name], **changes})
+
+
+class Looks(NamedTuple):
+    """Conditions as kernels take them: a Condition's numbers for each of n vehicles, (n,) each."""
+
+    world_seed: Array  # int64; the others float64, named as in Condition
+    asphalt_grey: Array
+    paint_grey: Array
+    verge_grey: Array
+    sky_grey: Array
+    haze_grey: Array
+    visibility_m: Array
+    marking_width_m: Array
+    edge_width_m: Array
+    dash_stroke_m: Array
+    dash_gap_m: Array
+    texture: Array
+    wheel_tracks: Array
+    wear: Array
+    missing: Array
+    shadow: Array
+    shadow_cover: Array
+    overpass: Array
+    overpass_spacing_m: Array
+    ambient: Array
+    headlight: Array
+    headlight_reach_m: Array
+    glare: Array
+    sun_azimuth_rad: Array
+    drift: Array
+    drift_grey: Array
+    drift_frames: Array
+    vignetting: Array
+    noise_grey: Array
+
+
+def looks(condition: Condition, count: int) -> Looks:
+    """The same condition for `count` vehicles; `batch.join` puts fleets of different ones together."""
+    numbers = dataclasses.asdict(condition)
+    seed = np.full(count, numbers.pop("world_seed"), np.int64)
+    return Looks(seed, **{name: np.full(count, float(value)) for name, value in numbers.items()})

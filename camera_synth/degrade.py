@@ -1,0 +1,138 @@
+"""Patterns in the world and noise of the sensor, as counter-based hashes without state.
+
+Patterns vary slowly across a row, so they are worked out on nodes NODE_PX columns apart and interpolated;
+octaves shorter than the ground that a row spans fade out, which leaves no wavelength under 12 columns.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from sumo_net.compile import kernel
+from sumo_net.randomness import bits
+
+Array = np.ndarray[Any, Any]
+
+NODE_PX = 4
+
+_P1, _P2, _P3 = np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE3D)
+_M1, _M2 = np.uint32(0x21F0AAAD), np.uint32(0x735A2D97)
+_LOW = np.uint32(0x00FF00FF)
+_WORD = np.uint64(0xFFFFFFFF)
+_BYTE_SUM_MEAN, _BYTE_SUM_DEVIATION = 510.0, 147.79885  # of four independent bytes: sqrt(4 (2¹⁶ − 1) / 12)
+
+
+@kernel
+def _lattice(hu, hv):  # type: ignore[no-untyped-def]
+    """float32 in [-1, 1) of a lattice point, given its two scrambled coordinates."""
+    h = np.uint32(hu ^ hv)
+    h = np.uint32(h ^ (h >> np.uint32(16)))
+    h = np.uint32(h * _M1)
+    h = np.uint32(h ^ (h >> np.uint32(15)))
+    h = np.uint32(h * _M2)
+    return np.float32(np.int32(h >> np.uint32(8))) * np.float32(1.0 / 8388608.0) - np.float32(1.0)
+
+
+@kernel
+def add_value_noise(out, u, v, du, dv, seed, amplitude):  # type: ignore[no-untyped-def]
+    """out[i] += amplitude · N(u + i du, v + i dv) for smooth noise N in [-1, 1] on the unit lattice.
+
+    out (m,) float32; u, v float64 lattice coordinates of the first node; seed integer.
+    """
+    cell_u, cell_v = np.floor(u), np.floor(v)
+    u0, v0 = np.float32(u - cell_u), np.float32(v - cell_v)
+    su, sv = np.float32(du), np.float32(dv)
+    bu, bv = np.uint32(np.int64(cell_u)), np.uint32(np.int64(cell_v))
+    salt = np.uint32(np.uint32(seed) * _P3)
+    amplitude = np.float32(amplitude)
+    one, two, three = np.float32(1.0), np.float32(2.0), np.float32(3.0)
+    for i in range(out.shape[0]):
+        x = u0 + np.float32(i) * su
+        y = v0 + np.float32(i) * sv
+        fx, fy = np.floor(x), np.floor(y)
+        a, b = x - fx, y - fy
+        hu = np.uint32(np.uint32(bu + np.uint32(np.int32(fx))) * _P1)
+        hv = np.uint32(np.uint32(np.uint32(bv + np.uint32(np.int32(fy))) * _P2) + salt)
+        hu1, hv1 = np.uint32(hu + _P1), np.uint32(hv + _P2)
+        a = a * a * (three - two * a)
+        b = b * b * (three - two * b)
+        low = _lattice(hu, hv) * (one - a) + _lattice(hu1, hv) * a
+        high = _lattice(hu, hv1) * (one - a) + _lattice(hu1, hv1) * a
+        out[i] += amplitude * (low + (high - low) * b)
+
+
+@kernel
+def value_noise(u, v, seed):  # type: ignore[no-untyped-def]
+    """The same noise at one point."""
+    out = np.zeros(1, np.float32)
+    add_value_noise(out, u, v, 0.0, 0.0, seed, 1.0)
+    return np.float64(out[0])
+
+
+@kernel
+def lattice_unit(cell, seed):  # type: ignore[no-untyped-def]
+    """A uniform draw in [0, 1) for an integer cell."""
+    h = np.uint32(np.uint32(cell) * _P1)
+    return 0.5 + 0.5 * np.float64(_lattice(h, np.uint32(np.uint32(seed) * _P3)))
+
+
+@kernel
+def fade(wavelength, footprint):  # type: ignore[no-untyped-def]
+    """1 where a footprint (m) resolves a wavelength (m) with four samples, 0 from two samples on."""
+    return min(max(2.0 - 4.0 * footprint / wavelength, 0.0), 1.0)
+
+
+@kernel
+def soft_step(t):  # type: ignore[no-untyped-def]
+    """0 below 0, 1 above 1, smooth between."""
+    t = min(max(t, 0.0), 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+@kernel
+def interpolate(nodes, out):  # type: ignore[no-untyped-def]
+    """Spread nodes (w / NODE_PX + 1,) linearly over the columns, out (w,); both float32."""
+    step = np.float32(1.0 / NODE_PX)
+    for i in range(out.shape[0] // NODE_PX):
+        at = nodes[i]
+        change = (nodes[i + 1] - at) * step
+        out[NODE_PX * i] = at
+        out[NODE_PX * i + 1] = at + change
+        out[NODE_PX * i + 2] = at + np.float32(2.0) * change
+        out[NODE_PX * i + 3] = at + np.float32(3.0) * change
+
+
+@kernel
+def smooth_walk(key, time):  # type: ignore[no-untyped-def]
+    """A smooth random function of time in [-1, 1], independent from one unit of time to the next but one."""
+    cell = np.int64(np.floor(time))
+    t = soft_step(time - cell)
+    low = np.float64(bits(key, cell) >> np.uint64(11)) * 2.0**-52 - 1.0
+    high = np.float64(bits(key, cell + 1) >> np.uint64(11)) * 2.0**-52 - 1.0
+    return low + (high - low) * t
+
+
+@kernel
+def expose(out, row, gain, black, sigma, key, counter):  # type: ignore[no-untyped-def]
+    """out (w,) uint8 = row · gain + black + noise, rounded and clipped; row, gain, black (w,) float32.
+
+    The noise of standard deviation sigma is the sum of the four bytes of a 32-bit hash of (key, counter,
+    column): mean 0, within 3.45 sigma, excess kurtosis −0.3, independent from draw to draw.
+    """
+    h64 = bits(key, counter)
+    k0, k1 = np.uint32(h64 & _WORD), np.uint32(h64 >> np.uint64(32))
+    scale = np.float32(sigma / _BYTE_SUM_DEVIATION)
+    shift = np.float32(0.5 - _BYTE_SUM_MEAN * sigma / _BYTE_SUM_DEVIATION)
+    zero, white = np.float32(0.0), np.float32(255.0)
+    for x in range(out.shape[0]):
+        h = np.uint32(k0 + np.uint32(x))
+        h = np.uint32(h ^ (h >> np.uint32(16)))
+        h = np.uint32(np.uint32(h * _M1) ^ k1)
+        h = np.uint32(h ^ (h >> np.uint32(15)))
+        h = np.uint32(h * _M2)
+        h = np.uint32(h ^ (h >> np.uint32(15)))
+        pairs = np.uint32(np.uint32(h & _LOW) + np.uint32((h >> np.uint32(8)) & _LOW))
+        total = np.uint32((pairs & np.uint32(0xFFFF)) + (pairs >> np.uint32(16)))
+        value = row[x] * gain[x] + black[x] + (np.float32(np.int32(total)) * scale + shift)
+        value = min(max(value, zero), white)
+        out[x] = np.uint8(np.int32(value))

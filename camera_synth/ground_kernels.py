@@ -1,0 +1,296 @@
+"""The road's lines as curves over the ground distance, and how much of a pixel each of them covers.
+
+Camera frame on the ground: `ahead` along the camera's horizontal direction, `aside` to its left, origin below
+the camera. An image row is a line of constant `ahead`, so a line of the road is tabulated as aside(ahead): a
+cubic Hermite piece between the stations of RoadAhead, with the slope that follows from the path's heading and
+curvature and the line's own offset.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sumo_net.compile import kernel
+from sumo_net.road import MAX_BORDERS
+
+Array = np.ndarray[Any, Any]
+
+RIGHT_EDGE, LEFT_EDGE, PATH = MAX_BORDERS, MAX_BORDERS + 1, MAX_BORDERS + 2
+CURVES = MAX_BORDERS + 3
+FARTHEST_M = 3000.0  # rows that reach beyond are drawn as if they ended there
+_MIN_FORWARD = 0.05  # cosine between a line and the camera's direction from which on the line is not followed
+
+
+class Curves(NamedTuple):
+    """Scratch for one vehicle: the markings, both asphalt edges and the path as aside(ahead)."""
+
+    first: Array  # (CURVES,) int64, the first piece in use
+    last: Array  # (CURVES,) int64, one past the last piece in use, 0 for none
+    start: Array  # (CURVES, J) ahead where a piece begins; entry `last` is the last one's end
+    cubic: Array  # (CURVES, J, 4) aside over ahead - start
+    kind: Array  # (CURVES, J) int8, 0 for nothing there
+    station: Array  # (J,) at each sample
+    length: Array  # (J,) from a sample to the next
+    advance: Array  # (J,) the same as the edge counts it; the length where the next edge counts anew
+    goes_on: Array  # (1,) bool: the samples end before the road does
+
+
+class Crossings(NamedTuple):
+    """Scratch: where the curves cross one line of constant ahead."""
+
+    piece: Array  # (CURVES,) int64, the piece last used; only ever moves on
+    kind: Array  # (CURVES,) int8, 0 where the curve does not cross
+    column: Array  # (CURVES,)
+    scale: Array  # (CURVES,) columns per metre across the curve
+    station: Array  # (CURVES,)
+    aside: Array  # (CURVES,)
+    slope: Array  # (CURVES,) d aside / d ahead
+
+
+@kernel
+def new_curves(samples):  # type: ignore[no-untyped-def]
+    """Empty Curves for J = `samples`."""
+    return Curves(
+        np.zeros(CURVES, np.int64),
+        np.zeros(CURVES, np.int64),
+        np.zeros((CURVES, samples)),
+        np.zeros((CURVES, samples, 4)),
+        np.zeros((CURVES, samples), np.int8),
+        np.zeros(samples),
+        np.zeros(samples),
+        np.zeros(samples),
+        np.zeros(1, np.bool_),
+    )
+
+
+@kernel
+def new_crossings():  # type: ignore[no-untyped-def]
+    """Empty Crossings."""
+    return Crossings(
+        np.zeros(CURVES, np.int64),
+        np.zeros(CURVES, np.int8),
+        np.zeros(CURVES),
+        np.zeros(CURVES),
+        np.zeros(CURVES),
+        np.zeros(CURVES),
+        np.zeros(CURVES),
+    )
+
+
+@kernel
+def _offset(road, i, j, k):  # type: ignore[no-untyped-def]
+    if k < MAX_BORDERS:
+        return road.border_offset_m[i, j, k]
+    if k == RIGHT_EDGE:
+        return road.road_right_m[i, j]
+    if k == LEFT_EDGE:
+        return road.road_left_m[i, j]
+    return 0.0
+
+
+@kernel
+def tabulate(curves, road, i, p):  # type: ignore[no-untyped-def]
+    """Fill `curves` from vehicle i of a RoadAhead, seen by a camera with Projection p."""
+    samples = road.forward_m.shape[1]
+    first = 0
+    while first < samples and math.isnan(road.forward_m[i, first]):
+        first += 1
+    known = first
+    while known < samples and not math.isnan(road.forward_m[i, known]):
+        known += 1
+    curves.goes_on[0] = known == samples
+    for j in range(first, known):
+        curves.station[j] = road.station_m[i, j]
+        if j + 1 < known:
+            chord = math.hypot(
+                road.forward_m[i, j + 1] - road.forward_m[i, j], road.left_m[i, j + 1] - road.left_m[i, j]
+            )
+            bend = 0.5 * (road.curvature_1pm[i, j] + road.curvature_1pm[i, j + 1])
+            length = chord * (1.0 + (bend * chord) ** 2 / 24.0)  # arc over its chord
+            counted = road.station_m[i, j + 1] - road.station_m[i, j]
+            curves.length[j] = length
+            curves.advance[j] = counted if abs(counted - length) < 0.3 * length else length
+    for k in range(CURVES):
+        curves.last[k] = 0
+        used = k >= MAX_BORDERS
+        if not used:
+            for j in range(first, known):
+                if road.border_kind[i, j, k] != 0 and not math.isnan(road.border_offset_m[i, j, k]):
+                    used = True
+                    break
+        if used:
+            _tabulate_curve(curves, road, i, p, k, first, known)
+
+
+@kernel
+def _tabulate_curve(curves, road, i, p, k, first, known):  # type: ignore[no-untyped-def]
+    curves.first[k] = first
+    for j in range(first, known - 1):
+        d0, d1 = _offset(road, i, j, k), _offset(road, i, j + 1, k)
+        seen = not (math.isnan(d0) or math.isnan(d1))
+        if not seen:  # keep the pieces in step with the path; nothing is drawn on them
+            d0 = 0.0 if math.isnan(d0) else d0
+            d1 = d0 if math.isnan(d1) else d1
+        length = curves.length[j]
+        rate = (d1 - d0) / length if seen else 0.0
+        a0, b0, m0 = _point(road, i, j, p, d0, rate)
+        a1, b1, m1 = _point(road, i, j + 1, p, d1, rate)
+        run = a1 - a0
+        if not (run > _MIN_FORWARD * length) or math.isnan(m0) or math.isnan(m1):
+            break
+        slope = (b1 - b0) / run
+        curves.start[k, j] = a0
+        curves.start[k, j + 1] = a1
+        curves.cubic[k, j, 0] = b0
+        curves.cubic[k, j, 1] = m0
+        curves.cubic[k, j, 2] = (3.0 * slope - 2.0 * m0 - m1) / run
+        curves.cubic[k, j, 3] = (m0 + m1 - 2.0 * slope) / (run * run)
+        if not seen:
+            curves.kind[k, j] = 0
+        elif k < MAX_BORDERS:
+            curves.kind[k, j] = road.border_kind[i, j, k]
+        else:
+            curves.kind[k, j] = 1
+        curves.last[k] = j + 1
+
+
+@kernel
+def _point(road, i, j, p, d, rate):  # type: ignore[no-untyped-def]
+    """(ahead, aside, d aside / d ahead) of the line at offset d, changing at `rate` per metre of path."""
+    f, g = road.forward_m[i, j] - p.forward, road.left_m[i, j] - p.left
+    sin_h, cos_h = math.sin(road.heading_rad[i, j]), math.cos(road.heading_rad[i, j])
+    c = p.cos_yaw * cos_h + p.sin_yaw * sin_h
+    s = p.cos_yaw * sin_h - p.sin_yaw * cos_h
+    ahead = p.cos_yaw * f + p.sin_yaw * g - d * s
+    aside = -p.sin_yaw * f + p.cos_yaw * g + d * c
+    along = 1.0 - road.curvature_1pm[i, j] * d
+    run = along * c - rate * s
+    slope = (along * s + rate * c) / run if run > _MIN_FORWARD else math.nan
+    return ahead, aside, slope
+
+
+@kernel
+def row_line(y, p):  # type: ignore[no-untyped-def]
+    """(ahead, depth) of the ground line seen at image height y, both clipped at FARTHEST_M."""
+    t = (y - p.center_y) / p.focal_y
+    fall = p.sin_pitch - t * p.cos_pitch
+    rise = p.height * (p.cos_pitch + t * p.sin_pitch)
+    ahead = rise / fall if fall * FARTHEST_M > rise else FARTHEST_M
+    return ahead, p.cos_pitch * ahead + p.sin_pitch * p.height
+
+
+@kernel
+def cross(curves, crossings, ahead, depth, p):  # type: ignore[no-untyped-def]
+    """Where the curves cross the line at `ahead`; call with growing `ahead`."""
+    for k in range(CURVES):
+        crossings.kind[k] = 0
+        count = curves.last[k]
+        if count == 0:
+            continue
+        j = max(crossings.piece[k], curves.first[k])
+        while j < count - 1 and ahead >= curves.start[k, j + 1]:
+            j += 1
+        crossings.piece[k] = j
+        end = curves.start[k, j + 1] - curves.start[k, j]
+        u = ahead - curves.start[k, j]
+        beyond = max(0.0, u - end)
+        if beyond > 0.0 and not (curves.goes_on[0] and count == curves.start.shape[1] - 1):
+            continue
+        before = min(0.0, u)
+        v = min(max(u, 0.0), end)
+        c0, c1 = curves.cubic[k, j, 0], curves.cubic[k, j, 1]
+        c2, c3 = curves.cubic[k, j, 2], curves.cubic[k, j, 3]
+        slope = c1 + v * (2.0 * c2 + v * 3.0 * c3)
+        aside = c0 + v * (c1 + v * (c2 + v * c3)) + slope * (beyond + before)
+        crossings.kind[k] = curves.kind[k, j]
+        crossings.aside[k] = aside
+        crossings.slope[k] = slope
+        crossings.column[k] = p.center_x - p.focal * aside / depth
+        crossings.scale[k] = math.sqrt(1.0 + slope * slope) * p.focal / depth
+        stretch = math.sqrt(1.0 + slope * slope)
+        crossings.station[k] = curves.station[j] + v * (curves.advance[j] / end) + stretch * (beyond + before)
+
+
+@kernel
+def _ramp(t):  # type: ignore[no-untyped-def]
+    """The integral of clip(t, 0, 1)."""
+    if t <= 0.0:
+        return 0.0
+    if t >= 1.0:
+        return t - 0.5
+    return 0.5 * t * t
+
+
+@kernel
+def right_of(x, e0, e1):  # type: ignore[no-untyped-def]
+    """Share of pixel x (from x - 0.5 to x + 0.5) right of an edge that moves from e0 to e1 over the row."""
+    width = e1 - e0
+    if abs(width) < 1e-4:
+        return min(max(x + 0.5 - 0.5 * (e0 + e1), 0.0), 1.0)
+    return (_ramp(x + 0.5 - e0) - _ramp(x + 0.5 - e1)) / width
+
+
+@kernel
+def paint_band(row, l0, l1, r0, r1, grey, opacity):  # type: ignore[no-untyped-def]
+    """Blend `grey` into the row between a left edge l0 -> l1 and a right edge r0 -> r1 (bottom -> top)."""
+    first = max(0, math.floor(min(l0, l1) + 0.5))
+    last = min(row.shape[0] - 1, math.floor(max(r0, r1) + 0.5))
+    for x in range(first, last + 1):
+        cover = (right_of(x, l0, l1) - right_of(x, r0, r1)) * opacity
+        row[x] += np.float32(cover) * (np.float32(grey) - row[x])
+
+
+@kernel
+def cover_between(cover, l0, l1, r0, r1):  # type: ignore[no-untyped-def]
+    """Set `cover` to each pixel's share between two edges, which may lie far outside the image."""
+    width = cover.shape[0]
+    inner_first = min(max(math.floor(max(l0, l1) + 0.5) + 1, 0), width)
+    inner_end = min(max(math.floor(min(r0, r1) + 0.5), 0), width)
+    outer_first = min(max(math.floor(min(l0, l1) + 0.5), 0), width)
+    outer_end = min(max(math.floor(max(r0, r1) + 0.5) + 1, 0), width)
+    cover[:] = 0.0
+    if inner_first >= inner_end:
+        for x in range(outer_first, outer_end):
+            cover[x] = right_of(x, l0, l1) - right_of(x, r0, r1)
+        return
+    for x in range(outer_first, inner_first):
+        cover[x] = right_of(x, l0, l1) - right_of(x, r0, r1)
+    cover[inner_first:inner_end] = 1.0
+    for x in range(inner_end, outer_end):
+        cover[x] = right_of(x, l0, l1) - right_of(x, r0, r1)
+
+
+@kernel
+def paint_dashes(row, l0, l1, r0, r1, s0, s1, stroke, period, grey, opacity):  # type: ignore[no-untyped-def]
+    """As paint_band, for a line painted where (station mod period) < stroke; stations s0 -> s1 over the row.
+
+    A stroke that begins or ends in the row covers its part of the row's trapezoid; rows longer than a period
+    get the painted share.
+    """
+    length = s1 - s0
+    phase = s0 - math.floor(s0 / period) * period
+    if length >= period:
+        whole = math.floor((phase + length) / period)
+        rest = phase + length - whole * period
+        painted = whole * stroke + min(rest, stroke) - min(phase, stroke)
+        paint_band(row, l0, l1, r0, r1, grey, opacity * painted / length)
+        return
+    if length <= 1e-9:
+        if phase < stroke:
+            paint_band(row, l0, l1, r0, r1, grey, opacity)
+        return
+    begin = -phase
+    while begin < length:
+        a, b = max(begin, 0.0) / length, min(begin + stroke, length) / length
+        if b > a:
+            paint_band(
+                row,
+                l0 + a * (l1 - l0),
+                l0 + b * (l1 - l0),
+                r0 + a * (r1 - r0),
+                r0 + b * (r1 - r0),
+                grey,
+                opacity * (b - a),
+            )
+        begin += period

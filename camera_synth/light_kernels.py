@@ -1,0 +1,102 @@
+"""The light on one image row of ground: trees' and overpasses' shadows, headlights, haze."""
+
+import math
+
+import numpy as np
+
+from camera_synth.degrade import NODE_PX, add_value_noise, fade, interpolate, lattice_unit
+from camera_synth.ground_kernels import PATH
+from sumo_net.compile import kernel
+
+
+@kernel
+def light(row, shade, node, lower, upper, looks, i, strip):  # type: ignore[no-untyped-def]
+    """Daylight less the shadows that lie on the row, headlights, then haze."""
+    keep = looks.visibility_m[i] / (looks.visibility_m[i] + strip.ahead)
+    haze = np.float32(looks.haze_grey[i] * looks.ambient[i] * (1.0 - keep))
+    ambient = looks.ambient[i]
+    even = True
+    if looks.shadow[i] > 0.0:
+        even = not _tree_shadow(node, looks, i, strip)
+    if looks.overpass[i] > 0.0 and lower.kind[PATH] != 0 and upper.kind[PATH] != 0:
+        s0, s1 = lower.station[PATH], upper.station[PATH]
+        near, far = overpass_at(0.5 * (s0 + s1), looks.overpass_spacing_m[i], looks.world_seed[i])
+        slope = 0.5 * (lower.slope[PATH] + upper.slope[PATH])
+        sideways = slope / math.sqrt(1.0 + slope * slope)
+        centre = 0.5 * (lower.aside[PATH] + upper.aside[PATH])
+        half = 0.5 * max(strip.footprint, 0.6)
+        spread = (strip.aside + abs(strip.step) * 400.0) * abs(sideways)
+        middle = 0.5 * (s0 + s1)
+        if middle + spread + half > near and middle - spread - half < far:
+            if even:
+                node[:] = 1.0
+                even = False
+            for m in range(node.shape[0]):
+                s = middle + (strip.aside + strip.step * NODE_PX * m - centre) * sideways
+                inside = min(max(min(s + half, far) - max(s - half, near), 0.0), 2.0 * half) / (2.0 * half)
+                node[m] *= np.float32(1.0 - looks.overpass[i] * inside)
+    if looks.headlight[i] > 0.0:
+        if even:
+            node[:] = 1.0
+            even = False
+        fall = 1.0 + strip.ahead / looks.headlight_reach_m[i]
+        beam, width = looks.headlight[i] / (fall * fall), 2.0 + 0.18 * strip.ahead
+        for m in range(node.shape[0]):
+            t = (strip.aside + strip.step * NODE_PX * m) / width
+            node[m] = np.float32(ambient * node[m] + beam / (1.0 + t * t))
+        ambient = 1.0
+    if even:
+        scale = np.float32(keep * ambient)
+        for x in range(row.shape[0]):
+            row[x] = row[x] * scale + haze
+    else:
+        scale = np.float32(keep * ambient)
+        interpolate(node, shade)
+        for x in range(row.shape[0]):
+            row[x] = row[x] * (shade[x] * scale) + haze
+
+
+@kernel
+def _tree_shadow(node, looks, i, strip):  # type: ignore[no-untyped-def]
+    """Set node to the share of light that trees leave; False where there is nothing to set.
+
+    Two octaves stretched along the sun's direction, and a slow one that says where trees stand at all.
+    """
+    sin_s, cos_s = math.sin(looks.sun_azimuth_rad[i] + 1.1), math.cos(looks.sun_azimuth_rad[i] + 1.1)
+    u, v = cos_s * strip.x + sin_s * strip.y, -sin_s * strip.x + cos_s * strip.y
+    du, dv = NODE_PX * (cos_s * strip.dx + sin_s * strip.dy), NODE_PX * (-sin_s * strip.dx + cos_s * strip.dy)
+    seed = looks.world_seed[i]
+    node[:] = 0.0
+    add_value_noise(
+        node,
+        strip.x / 60.0,
+        strip.y / 60.0,
+        NODE_PX * strip.dx / 60.0,
+        NODE_PX * strip.dy / 60.0,
+        seed + 31,
+        0.8,
+    )
+    amplitude = fade(5.0, strip.footprint)
+    if amplitude > 0.0:
+        add_value_noise(node, u / 11.0, v / 5.0, du / 11.0, dv / 5.0, seed + 32, 0.8 * amplitude)
+    amplitude = fade(1.2, strip.footprint)
+    if amplitude > 0.0:
+        add_value_noise(node, u / 2.2, v / 1.2, du / 2.2, dv / 1.2, seed + 33, 0.45 * amplitude)
+    threshold = np.float32(0.85 - 1.7 * looks.shadow_cover[i])
+    strength = np.float32(looks.shadow[i])
+    sharp = np.float32(4.0)
+    zero, one, two, three = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(3.0)
+    half = np.float32(0.5)
+    for m in range(node.shape[0]):
+        t = min(max((node[m] - threshold) * sharp + half, zero), one)
+        node[m] = one - strength * (t * t * (three - two * t))
+    return True
+
+
+@kernel
+def overpass_at(station, spacing, seed):  # type: ignore[no-untyped-def]
+    """(near, far) stations of the overpass in this stretch of an edge."""
+    cell = math.floor(station / spacing)
+    draw = lattice_unit(np.int64(cell), seed + 41)
+    near = (cell + 0.15 + 0.6 * draw) * spacing
+    return near, near + 8.0 + 10.0 * draw
