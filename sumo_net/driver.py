@@ -1,0 +1,275 @@
+"""The lateral driver: who sits in an equipped vehicle, and what the driver's mind is at.
+
+A driver keeps the lane with a second-order feedback on offset and course and a curvature feed-forward,
+disturbed by an Ornstein-Uhlenbeck error of the steer whose strength is set by the standard deviation of
+lateral position (SDLP) that it makes. Glances away (distraction) and microsleeps freeze the steering. A lane
+change of SUMO's is followed along a smooth profile. The kernels are in `driver_kernels`.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.linalg import solve_continuous_lyapunov
+
+from sumo_net.randomness import generator, stream_key
+from sumo_net.settings import settings
+from sumo_net.vehicle import Vehicle, single_track
+
+Array = np.ndarray[Any, Any]
+
+LANE_KEEPING, DISTRACTION, MICROSLEEP, SIGNALLED_CHANGE, UNSIGNALLED_CHANGE = 0, 1, 2, 3, 4
+CAUSES = ("lane_keeping", "distraction", "microsleep", "lane_change_signalled", "lane_change_unsignalled")
+
+TABLE_SPEED_STEP_MPS = 4.0
+_TABLE_SPEEDS = 16  # up to 60 m/s; the kernel clamps beyond
+
+
+@settings
+class Driver:
+    """The population that drivers are drawn from. Defaults give about 9 departures per 100 km at 110 km/h."""
+
+    sleepy_share: float = Field(0.10, ge=0, le=1, description="share of drivers that are sleepy")
+    alert_sd_least_m: float = Field(0.18, ge=0, description="SDLP of alert drivers, from")
+    alert_sd_most_m: float = Field(0.20, ge=0, description="to")
+    sleepy_sd_least_m: float = Field(0.30, ge=0, description="SDLP of sleepy drivers, from")
+    sleepy_sd_most_m: float = Field(0.45, ge=0, description="to")
+    offset_sd_m: float = Field(0.12, ge=0, description="between drivers: spread of the mean lateral position")
+    offset_most_m: float = Field(0.30, ge=0, description="no driver's mean lies farther off the centre")
+
+    bandwidth_rps: float = Field(0.70, gt=0, le=2, description="natural frequency of lane keeping, rad/s")
+    damping: float = Field(0.80, gt=0, le=2, description="damping ratio of lane keeping")
+    noise_time_s: float = Field(1.5, gt=0, description="correlation time of the steer's disturbance")
+    preview_s: float = Field(0.40, ge=0, le=3, description="curvature is fed forward from so far ahead")
+    steer_lag_s: float = Field(0.15, gt=0.02, description="time constant of arm and wheel")
+    steer_rate_most_rps: float = Field(0.50, gt=0, description="of the front wheels, rad/s")
+    steer_most_rad: float = Field(0.60, gt=0, le=1, description="of the front wheels")
+    correction_most_mps2: float = Field(2.5, gt=0, description="lateral acceleration on top of the curve's")
+    friction: float = Field(0.80, gt=0, le=1.5, description="total lateral acceleration asked for, over g")
+    slow_mps: float = Field(8.0, gt=1, description="below, control and lane changes go by distance, not time")
+
+    distraction_per_min: float = Field(2.0, ge=0, description="glances away that freeze the steering")
+    glance_mean_s: float = Field(1.1, gt=0, description="mean of their lognormal duration")
+    glance_log_sd: float = Field(0.6, ge=0, description="its shape: standard deviation of the logarithm")
+    drift_sd_mps2: float = Field(0.10, ge=0, description="lateral acceleration from the frozen steer's error")
+    microsleep_per_min: float = Field(0.10, ge=0, description="of sleepy drivers")
+    microsleep_least_s: float = Field(3.0, gt=0, description="shortest")
+    microsleep_most_s: float = Field(15.0, gt=0, description="longest (uniform between)")
+    calm_road_mps2: float = Field(
+        1.0, ge=0, description="episodes begin only where the curve asks for less lateral acceleration"
+    )
+    wake_beyond_border_m: float = Field(
+        0.30, ge=0, description="a wheel so far beyond the border (rumble strip, traffic) ends an episode"
+    )
+    reaction_mean_s: float = Field(0.8, gt=0, description="from a warning or the rumble to steering again")
+    reaction_sd_s: float = Field(0.2, ge=0, description="between drivers")
+
+    lane_change_least_s: float = Field(4.0, ge=2, description="duration of a lane change, from")
+    lane_change_most_s: float = Field(6.0, ge=2, description="to")
+    signal_probability: float = Field(0.85, ge=0, le=1, description="mean share of lane changes signalled")
+    signal_spread: float = Field(0.10, ge=0, le=0.5, description="drivers lie uniformly so far around it")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Driver":
+        for least, most in (
+            ("alert_sd_least_m", "alert_sd_most_m"),
+            ("sleepy_sd_least_m", "sleepy_sd_most_m"),
+            ("microsleep_least_s", "microsleep_most_s"),
+            ("lane_change_least_s", "lane_change_most_s"),
+        ):
+            low, high = getattr(self, least), getattr(self, most)
+            if low > high:
+                raise ValueError(f"{least} = {low} is above {most} = {high}")
+        return self
+
+
+class Traits(NamedTuple):
+    """What each of n drivers is like, for life."""
+
+    offset_m: Array  # (n,) mean lateral position
+    sd_m: Array  # (n,) SDLP
+    sleepy: Array  # (n,) bool
+    signal_probability: Array  # (n,)
+    change_s: Array  # (n,) duration of a lane change
+    reaction_s: Array  # (n,)
+    half_span_m: Array  # (n,) to the outer edge of a front wheel
+    noise_key: Array  # (n,) uint64
+    event_key: Array  # (n,) uint64
+
+
+class Mind(NamedTuple):
+    """What each of n drivers is doing now."""
+
+    noise: Array  # (n,) the disturbance, standard normal
+    cause: Array  # (n,) int8, LANE_KEEPING ... UNSIGNALLED_CHANGE; held until the driver has recovered
+    episode_left_s: Array  # (n,) positive while the steering is frozen
+    recovery_left_s: Array  # (n,) positive while a past episode is still the cause of what happens
+    held_steer_rad: Array  # (n,) while frozen
+    drift_mps2: Array  # (n,) while frozen: error of the held steer, as lateral acceleration
+    until_glance_s: Array  # (n,)
+    until_microsleep_s: Array  # (n,) infinite for alert drivers
+    change_from_m: Array  # (n,) lane-change profile: position,
+    change_rate_mps: Array  # (n,)   velocity
+    change_rate2_mps2: Array  # (n,) and acceleration at its beginning,
+    change_elapsed_s: Array  # (n,) time since,
+    change_duration_s: Array  # (n,) and duration
+    signal: Array  # (n,) int8 turn signal, +1 left
+    steps: Array  # (n,) int64 counter of noise draws
+    events: Array  # (n,) int64 counter of event draws
+
+
+class DriverNumbers(NamedTuple):
+    """A Driver as kernels take it."""
+
+    bandwidth: float
+    damping: float
+    noise_time: float
+    preview: float
+    steer_lag: float
+    steer_rate_most: float
+    steer_most: float
+    correction_most: float
+    acceleration_most: float
+    slow: float
+    glance_rate: float
+    glance_log_mean: float
+    glance_log_sd: float
+    drift_sd: float
+    microsleep_rate: float
+    microsleep_least: float
+    microsleep_most: float
+    calm_road: float
+    wake_beyond: float
+    understeer: float  # K_u / L
+    wheelbase: float
+    noise_scale: Array  # (16,) disturbance in m/s² per metre of SDLP at 0, 4, … 60 m/s
+
+
+def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
+    """The kernel's view of a population of drivers in a vehicle."""
+    speeds = np.arange(_TABLE_SPEEDS) * TABLE_SPEED_STEP_MPS
+    scale = [1.0 / unit_sd(driver, vehicle, max(float(v), driver.slow_mps)) for v in speeds]
+    return DriverNumbers(
+        bandwidth=driver.bandwidth_rps,
+        damping=driver.damping,
+        noise_time=driver.noise_time_s,
+        preview=driver.preview_s,
+        steer_lag=driver.steer_lag_s,
+        steer_rate_most=driver.steer_rate_most_rps,
+        steer_most=driver.steer_most_rad,
+        correction_most=driver.correction_most_mps2,
+        acceleration_most=driver.friction * 9.81,
+        slow=driver.slow_mps,
+        glance_rate=driver.distraction_per_min / 60.0,
+        glance_log_mean=math.log(driver.glance_mean_s) - 0.5 * driver.glance_log_sd**2,
+        glance_log_sd=driver.glance_log_sd,
+        drift_sd=driver.drift_sd_mps2,
+        microsleep_rate=driver.microsleep_per_min / 60.0,
+        microsleep_least=driver.microsleep_least_s,
+        microsleep_most=driver.microsleep_most_s,
+        calm_road=driver.calm_road_mps2,
+        wake_beyond=driver.wake_beyond_border_m,
+        understeer=vehicle.understeer / vehicle.wheelbase_m,
+        wheelbase=vehicle.wheelbase_m,
+        noise_scale=np.array(scale),
+    )
+
+
+def unit_sd(driver: Driver, vehicle: Vehicle, speed_mps: float) -> float:
+    """SDLP in m that a disturbance of standard deviation 1 m/s² makes (Lyapunov equation of the closed loop).
+
+    State (v_y, γ, d, e, δ, n): the vehicle, its offset and heading, the steer and the disturbance.
+    Raises ValueError where the loop of driver and vehicle is not stable.
+    """
+    v, w, T = speed_mps, driver.bandwidth_rps, driver.steer_lag_s
+    F = np.zeros((6, 6))
+    A, B = single_track(vehicle, v)
+    F[:2, :2], F[:2, 4] = A, B[:, 0]
+    F[2, 0], F[2, 3], F[3, 1] = 1.0, v, 1.0
+    rate = 2.0 * driver.damping * w
+    steer = (vehicle.wheelbase_m + vehicle.understeer * v**2) / v**2 / T
+    F[4] = steer * np.array([-rate, 0.0, -(w**2), -rate * v, 0.0, 1.0])
+    F[4, 4], F[5, 5] = -1.0 / T, -1.0 / driver.noise_time_s
+    if np.linalg.eigvals(F).real.max() >= 0.0:
+        raise ValueError(
+            f"bandwidth_rps = {w}, damping = {driver.damping}, steer_lag_s = {T}: lane keeping is unstable"
+            f" at {v:.0f} m/s; a smaller bandwidth_rps or steer_lag_s is needed"
+        )
+    Q = np.zeros((6, 6))
+    Q[5, 5] = 2.0 / driver.noise_time_s
+    return math.sqrt(solve_continuous_lyapunov(F, -Q)[2, 2])
+
+
+def traits(driver: Driver, vehicle: Vehicle, seed: int, vehicle_ids: Sequence[str], width_m: Array) -> Traits:
+    """Draw the drivers of n vehicles, each from (seed, vehicle id) alone.
+
+    `width_m` (n,) is the body's width; the wheels' outer edges stand in from it as they do for a 1.8 m car.
+    """
+    rows = [_traits_of(driver, seed, vehicle_id) for vehicle_id in vehicle_ids]
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 6
+    parts = [np.array(column, dtype=float) for column in columns]
+    return Traits(
+        offset_m=parts[0],
+        sd_m=parts[1],
+        sleepy=parts[2].astype(bool),
+        signal_probability=parts[3],
+        change_s=parts[4],
+        reaction_s=parts[5],
+        half_span_m=0.5 * vehicle.wheel_span_m / CAR_WIDTH_M * np.asarray(width_m, dtype=float),
+        noise_key=np.array([stream_key(seed, name, "lane keeping") for name in vehicle_ids], dtype=np.uint64),
+        event_key=np.array([stream_key(seed, name, "driver events") for name in vehicle_ids], np.uint64),
+    )
+
+
+CAR_WIDTH_M = 1.8  # SUMO's passenger car, to which Vehicle.wheel_span_m belongs
+
+
+def _traits_of(driver: Driver, seed: int, vehicle_id: str) -> tuple[float, ...]:
+    random = generator(seed, vehicle_id, "driver")
+    sleepy = random.random() < driver.sleepy_share
+    of_sd, of_signal, of_change = random.random(3)
+    of_offset, of_reaction = random.standard_normal(2)
+    least, most = (
+        (driver.sleepy_sd_least_m, driver.sleepy_sd_most_m)
+        if sleepy
+        else (driver.alert_sd_least_m, driver.alert_sd_most_m)
+    )
+    signal = driver.signal_probability + driver.signal_spread * (2.0 * of_signal - 1.0)
+    change = driver.lane_change_least_s + of_change * (driver.lane_change_most_s - driver.lane_change_least_s)
+    return (
+        float(np.clip(driver.offset_sd_m * of_offset, -driver.offset_most_m, driver.offset_most_m)),
+        least + of_sd * (most - least),
+        float(sleepy),
+        min(max(signal, 0.0), 1.0),
+        change,
+        max(driver.reaction_mean_s + driver.reaction_sd_s * of_reaction, 0.3),
+    )
+
+
+def attentive(traits: Traits) -> Mind:
+    """n drivers at the beginning: on their line, undisturbed, the first episodes not yet drawn (NaN)."""
+    n = len(traits.offset_m)
+
+    def zeros() -> Array:
+        return np.zeros(n)
+
+    return Mind(
+        noise=zeros(),
+        cause=np.zeros(n, np.int8),
+        episode_left_s=zeros(),
+        recovery_left_s=zeros(),
+        held_steer_rad=zeros(),
+        drift_mps2=zeros(),
+        until_glance_s=np.full(n, np.nan),
+        until_microsleep_s=np.full(n, np.nan),
+        change_from_m=traits.offset_m.copy(),
+        change_rate_mps=zeros(),
+        change_rate2_mps2=zeros(),
+        change_elapsed_s=np.ones(n),
+        change_duration_s=np.ones(n),
+        signal=np.zeros(n, np.int8),
+        steps=np.zeros(n, np.int64),
+        events=np.zeros(n, np.int64),
+    )

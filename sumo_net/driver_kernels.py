@@ -1,0 +1,191 @@
+"""Kernels of the lateral driver: profile of a lane change, episodes, and the steer that is asked for.
+
+`mind`, `traits` and `c` are a Mind, Traits and DriverNumbers of `sumo_net.driver`; `i` is the vehicle. The
+mind's arrays are written in place: the caller gives its own copy.
+"""
+
+import math
+
+from sumo_net.compile import kernel
+from sumo_net.randomness import normal, uniform
+
+STEP_S = 0.1
+RECOVERY_S = 5.0  # an episode counts as the cause of what follows at most so long
+RECOVERED_M = 0.3  # and no longer once the vehicle is so near its line
+_TABLE_SPEED_STEP_MPS = 4.0  # of DriverNumbers.noise_scale
+
+
+@kernel
+def profile(start, rate, rate2, target, elapsed, duration):  # type: ignore[no-untyped-def]
+    """Position, velocity, acceleration of the quintic from (start, rate, rate2) to rest at `target`."""
+    if elapsed >= duration:
+        return target, 0.0, 0.0
+    T, t = duration, max(elapsed, 0.0)
+    h = target - start
+    c3 = (20.0 * h - 12.0 * rate * T - 3.0 * rate2 * T * T) / (2.0 * T**3)
+    c4 = (-30.0 * h + 16.0 * rate * T + 3.0 * rate2 * T * T) / (2.0 * T**4)
+    c5 = (12.0 * h - 6.0 * rate * T - rate2 * T * T) / (2.0 * T**5)
+    y = start + t * (rate + t * (0.5 * rate2 + t * (c3 + t * (c4 + t * c5))))
+    dy = rate + t * (rate2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)))
+    ddy = rate2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5))
+    return y, dy, ddy
+
+
+@kernel
+def reference(mind, traits, i):  # type: ignore[no-untyped-def]
+    """The line that the driver wants now: position and two derivatives."""
+    return profile(
+        mind.change_from_m[i],
+        mind.change_rate_mps[i],
+        mind.change_rate2_mps2[i],
+        traits.offset_m[i],
+        mind.change_elapsed_s[i],
+        mind.change_duration_s[i],
+    )
+
+
+@kernel
+def draw(mind, traits, i):  # type: ignore[no-untyped-def]
+    """The vehicle's next uniform event draw."""
+    mind.events[i] += 1
+    return uniform(traits.event_key[i], mind.events[i])
+
+
+@kernel
+def draw_normal(mind, traits, i):  # type: ignore[no-untyped-def]
+    """The vehicle's next standard normal event draw, by Box and Muller."""
+    radius = math.sqrt(-2.0 * math.log(1.0 - draw(mind, traits, i)))
+    return radius * math.cos(2.0 * math.pi * draw(mind, traits, i))
+
+
+@kernel
+def draw_waiting(mind, traits, i, rate):  # type: ignore[no-untyped-def]
+    """Exponential waiting time in s of a Poisson process."""
+    u = draw(mind, traits, i)
+    return -math.log(1.0 - u) / rate if rate > 0.0 else math.inf
+
+
+@kernel
+def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-def]
+    """The path under the vehicle has moved: all offsets grow by `shift` m, so lead the line back smoothly.
+
+    A deliberate change is SUMO's lane change: it ends any episode, draws whether it is signalled, and has a
+    cause. Otherwise only the reference is led over (two fits of a road differ by centimetres).
+    """
+    y, dy, ddy = reference(mind, traits, i)
+    mind.change_from_m[i] = y + shift
+    mind.change_rate_mps[i] = dy
+    mind.change_rate2_mps2[i] = ddy
+    left = mind.change_duration_s[i] - mind.change_elapsed_s[i]
+    mind.change_elapsed_s[i] = 0.0
+    if not deliberate:
+        mind.change_duration_s[i] = max(left, 2.0)
+        return
+    mind.change_duration_s[i] = traits.change_s[i]
+    mind.episode_left_s[i] = 0.0
+    mind.recovery_left_s[i] = 0.0
+    if draw(mind, traits, i) < traits.signal_probability[i]:
+        mind.cause[i] = 3
+        mind.signal[i] = -1 if shift > 0.0 else 1
+    else:
+        mind.cause[i] = 4
+        mind.signal[i] = 0
+
+
+@kernel
+def restart(mind, traits, i):  # type: ignore[no-untyped-def]
+    """The driver is on the line and attentive; what lies ahead (waiting times, counters) stays."""
+    mind.noise[i] = 0.0
+    mind.cause[i] = 0
+    mind.signal[i] = 0
+    mind.episode_left_s[i] = 0.0
+    mind.recovery_left_s[i] = 0.0
+    mind.change_from_m[i] = traits.offset_m[i]
+    mind.change_rate_mps[i] = 0.0
+    mind.change_rate2_mps2[i] = 0.0
+    mind.change_elapsed_s[i] = 1.0
+    mind.change_duration_s[i] = 1.0
+
+
+@kernel
+def attend(mind, traits, i, d, d_front, half_lane, steer, road_mps2, alerted, c):  # type: ignore[no-untyped-def]
+    """Once a step: the disturbance goes on; episodes begin and end; a lane change ends.
+
+    d and d_front are the offsets of centre of gravity and front axle, road_mps2 the curve's lateral
+    acceleration. Returns the disturbance at the end of the step (standard normal).
+    """
+    if math.isnan(mind.until_glance_s[i]):
+        mind.until_glance_s[i] = draw_waiting(mind, traits, i, c.glance_rate)
+        rate = c.microsleep_rate if traits.sleepy[i] else 0.0
+        mind.until_microsleep_s[i] = draw_waiting(mind, traits, i, rate)
+
+    changing = mind.change_elapsed_s[i] < mind.change_duration_s[i]
+    if mind.cause[i] >= 3 and not changing:
+        mind.cause[i] = 0
+        mind.signal[i] = 0
+
+    mind.until_glance_s[i] -= STEP_S
+    mind.until_microsleep_s[i] -= STEP_S
+    if mind.episode_left_s[i] > 0.0:
+        beyond = abs(d_front) + traits.half_span_m[i] - half_lane
+        if alerted or beyond > c.wake_beyond:
+            mind.episode_left_s[i] = min(mind.episode_left_s[i], traits.reaction_s[i])
+        mind.episode_left_s[i] -= STEP_S
+        if mind.episode_left_s[i] <= 0.0:
+            mind.episode_left_s[i] = 0.0
+            mind.recovery_left_s[i] = RECOVERY_S
+            # after a freeze the driver sees the error afresh: what disturbed the hands before is gone
+            mind.noise[i] = 0.0
+    elif mind.recovery_left_s[i] > 0.0:
+        mind.recovery_left_s[i] -= STEP_S
+        line, _, _ = reference(mind, traits, i)
+        if mind.recovery_left_s[i] <= 0.0 or abs(d - line) < RECOVERED_M:
+            mind.recovery_left_s[i] = 0.0
+            if mind.cause[i] < 3:
+                mind.cause[i] = 0
+
+    if mind.episode_left_s[i] == 0.0 and mind.cause[i] == 0 and not changing and road_mps2 < c.calm_road:
+        length = 0.0
+        if mind.until_microsleep_s[i] <= 0.0:
+            mind.until_microsleep_s[i] = draw_waiting(mind, traits, i, c.microsleep_rate)
+            span = c.microsleep_most - c.microsleep_least
+            length = c.microsleep_least + span * draw(mind, traits, i)
+            mind.cause[i] = 2
+        elif mind.until_glance_s[i] <= 0.0:
+            mind.until_glance_s[i] = draw_waiting(mind, traits, i, c.glance_rate)
+            length = math.exp(c.glance_log_mean + c.glance_log_sd * draw_normal(mind, traits, i))
+            mind.cause[i] = 1
+        if length > 0.0:
+            mind.episode_left_s[i] = length
+            mind.held_steer_rad[i] = steer
+            mind.drift_mps2[i] = c.drift_sd * draw_normal(mind, traits, i)
+
+    decay = math.exp(-STEP_S / c.noise_time)
+    mind.steps[i] += 1
+    kick = math.sqrt(1.0 - decay * decay) * normal(traits.noise_key[i], mind.steps[i])
+    return decay * mind.noise[i] + kick
+
+
+@kernel
+def disturbance(noise, sd, v, c):  # type: ignore[no-untyped-def]
+    """Lateral acceleration in m/s² of a standard normal `noise` for a driver of SDLP `sd` at speed v."""
+    at = min(v / _TABLE_SPEED_STEP_MPS, len(c.noise_scale) - 1.001)
+    low = int(at)
+    share = at - low
+    return noise * sd * ((1.0 - share) * c.noise_scale[low] + share * c.noise_scale[low + 1])
+
+
+@kernel
+def corrected_curvature(d, drift, line, line_rate, line_rate2, noise_mps2, v_scale, curvature, c):  # type: ignore[no-untyped-def]
+    """Curvature in 1/m that an attentive driver asks for.
+
+    d, drift: offset in m and its rate in m/s at v_scale; line…: the line wanted, with two derivatives;
+    curvature: the path's, at the preview point. The correction acts as a lateral acceleration: an error
+    dies out with the driver's bandwidth and damping at any speed above c.slow.
+    """
+    correction = -c.bandwidth * (2.0 * c.damping * (drift - line_rate) + c.bandwidth * (d - line))
+    correction += line_rate2 + noise_mps2
+    correction = min(max(correction, -c.correction_most), c.correction_most)
+    square = v_scale * v_scale
+    most = c.acceleration_most / square if v_scale > c.slow else 1.0
+    return min(max(curvature + correction / square, -most), most)

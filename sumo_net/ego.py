@@ -1,0 +1,230 @@
+"""The lateral truth of all equipped vehicles: SUMO moves them along the road, this moves them across it.
+
+Each 0.1 s, `Ego.step` takes SUMO's snapshot, integrates driver and single-track model over the step that
+SUMO has just made (10 substeps of 0.01 s), and returns the truth. Where SUMO changes a vehicle's lane, or it
+drives on to the next one, its world pose is carried over to the new path; nothing jumps.
+
+All vehicles have the one `Vehicle`'s dynamics, trucks and motorcycles too; only the distance between the
+wheels follows SUMO's width.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from sumo_net.batch import join, select
+from sumo_net.driver import Driver, Traits, attentive, numbers, traits
+from sumo_net.ego_kernels import advance
+from sumo_net.ego_road_kernels import drive_over, front_laterals, onto_paths, place, see
+from sumo_net.vehicle import Vehicle, model
+
+Array = np.ndarray[Any, Any]
+B = TypeVar("B", bound=tuple[Any, ...])
+
+
+class EgoTruth(NamedTuple):
+    """Truth of n equipped vehicles after a step, ordered by handle."""
+
+    handle: Array  # (n,) int64
+    path: Array  # (n,) int32
+    station_m: Array  # (n,) of the centre of gravity along the path
+    path_offset_m: Array  # (n,) centre of gravity left of the path
+    path_heading_rad: Array  # (n,) vehicle heading minus the path's
+    x_m: Array  # (n,) centre of gravity, world
+    y_m: Array
+    heading_rad: Array
+    speed_mps: Array  # (n,) along the vehicle's x axis
+    acceleration_mps2: Array  # (n,) SUMO's
+    lateral_speed_mps: Array  # (n,) along the vehicle's y axis, at the centre of gravity
+    yaw_rate_rps: Array
+    steer_rad: Array  # (n,) front wheels
+    curvature_1pm: Array  # (n,) of the path at the centre of gravity
+    lane_offset_m: Array  # (n,) left of the centre of the marked lane that contains the centre of gravity
+    lane_heading_rad: Array  # (n,) relative to that lane
+    lane_width_m: Array
+    lanes_left: Array  # (n,) int32, that lane's place left (+) of SUMO's lane
+    border_kind_right: Array  # (n,) int8 of that lane
+    border_kind_left: Array
+    signal: Array  # (n,) int8 turn signal, +1 left, -1 right, 0 none
+    cause: Array  # (n,) int8, sumo_net.driver.CAUSES
+    on_marked_road: Array  # (n,) bool
+
+
+class Motion(NamedTuple):
+    """Where n equipped vehicles are, as they are carried from step to step."""
+
+    handle: Array  # (n,) int64
+    lane: Array  # (n,) int32, SUMO's
+    path: Array  # (n,) int32
+    station_m: Array  # (n,)
+    station_lead_m: Array  # (n,) ahead of SUMO's place; from path changes, fades away
+    along_mps: Array  # (n,) speed of the foot on the path
+    offset_m: Array  # (n,) d
+    heading_rad: Array  # (n,) e
+    lateral_speed_mps: Array  # (n,)
+    yaw_rate_rps: Array  # (n,)
+    steer_rad: Array  # (n,)
+
+
+class Drive(NamedTuple):
+    """What the road and SUMO say about the step that is integrated, before and after it."""
+
+    distance_m: Array  # (n,) along the path
+    speed_before_mps: Array  # (n,) along the path
+    speed_after_mps: Array
+    curvature_before_1pm: Array  # (n,) at the centre of gravity
+    curvature_after_1pm: Array
+    preview_before_1pm: Array  # (n,) where the driver looks
+    preview_after_1pm: Array
+    half_lane_m: Array  # (n,)
+    alerted: Array  # (n,) bool
+
+
+class Fleet(Protocol):
+    """What Ego asks of the traffic (sumo_net.traffic.Traffic has it)."""
+
+    lane_ids: list[str]
+
+    def vehicle_id(self, handle: int) -> str: ...
+
+    def route_ahead(self, handle: int) -> tuple[str, ...]: ...
+
+
+class Ego:
+    """The equipped fleet. Called once a step; vehicles may come and go."""
+
+    def __init__(
+        self,
+        roads: Any,
+        fleet: Fleet,
+        seed: int,
+        driver: Driver | None = None,
+        vehicle: Vehicle | None = None,
+    ) -> None:
+        """`roads` is a RoadNetwork; `seed` with the vehicle's id fixes all of a driver's randomness."""
+        self._roads = roads
+        self._fleet = fleet
+        self._seed = seed
+        self._driver = driver or Driver()
+        self._vehicle = vehicle or Vehicle()
+        self._numbers = numbers(self._driver, self._vehicle)
+        self._model = model(self._vehicle)
+        self._traits = self._draw([], np.zeros(0))
+        self._mind = attentive(self._traits)
+        self._motion = standing(np.zeros(0, np.int64))
+
+    def step(self, snapshot: Any, equipped: Array, alerted: Array | None = None) -> EgoTruth:
+        """Move the equipped vehicles over the 0.1 s that led to this snapshot.
+
+        `equipped` is a mask (N,) or the rows of the snapshot's equipped vehicles; those on no lane are left
+        out. `alerted` are the handles of vehicles whose driver hears a warning now: an episode ends after the
+        driver's reaction time. A vehicle that is new, or has been moved by more than 5 m (teleport,
+        parking, re-insertion), begins on its lane's centre plus its driver's offset.
+        """
+        rows = np.flatnonzero(equipped) if equipped.dtype == np.bool_ else np.sort(equipped)
+        now = select(snapshot, rows[snapshot.lane[rows] >= 0])
+        self._follow_fleet(now)
+        motion, mind = _own(self._motion), _own(self._mind)
+        changed = np.flatnonzero(motion.lane != now.lane)
+        new_path = motion.path.copy()
+        for i in changed:
+            new_path[i] = self._path_of(int(now.handle[i]), now.lane[i], motion.lane[i])
+        motion.lane[:] = now.lane
+        table, bumper = self._roads.table, self._vehicle.bumper_m
+        onto_paths(
+            motion, mind, self._traits, table, changed, new_path,
+            now.lane_position_m, now.speed_mps, bumper, self._numbers, self._model,
+        )  # fmt: skip
+        drive = _no_drive(len(now.handle))
+        if alerted is not None:
+            drive.alerted[:] = np.isin(now.handle, alerted)
+        drive_over(
+            motion, mind, self._traits, drive, table, now.lane_position_m, now.speed_mps, bumper,
+            self._numbers, self._model,
+        )  # fmt: skip
+        advance(motion, mind, self._traits, drive, self._numbers, self._model)
+        self._motion, self._mind = motion, mind
+        return self._truth(now, table)
+
+    def front_lateral_m(self) -> Array:
+        """Offset (n,) of the front bumper's centre from SUMO's lane, to be written back, in truth's order."""
+        return front_laterals(self._motion, self._roads.table, self._vehicle.bumper_m)
+
+    def half_span_m(self) -> Array:
+        """Half the distance (n,) between the outer edges of the front wheels, in truth's order."""
+        return self._traits.half_span_m
+
+    def _path_of(self, handle: int, lane: int, came_from: int) -> int:
+        names = self._fleet.lane_ids
+        route = self._fleet.route_ahead(handle)
+        return int(self._roads.path(names[lane], route, names[came_from] if came_from >= 0 else ""))
+
+    def _draw(self, ids: Sequence[str], width_m: Array) -> Traits:
+        return traits(self._driver, self._vehicle, self._seed, ids, width_m)
+
+    def _follow_fleet(self, now: Any) -> None:
+        # Ordered by handle, like the snapshot; most steps change nothing.
+        have = self._motion.handle
+        if np.array_equal(have, now.handle):
+            return
+        kept = np.isin(have, now.handle, assume_unique=True)
+        new = ~np.isin(now.handle, have, assume_unique=True)
+        ids = [self._fleet.vehicle_id(int(handle)) for handle in now.handle[new]]
+        arrived = self._draw(ids, now.width_m[new])
+        handles = np.concatenate([have[kept], now.handle[new]])
+        order = np.argsort(handles)
+        self._traits = select(join(select(self._traits, kept), arrived), order)
+        self._mind = select(join(select(self._mind, kept), attentive(arrived)), order)
+        self._motion = select(join(select(self._motion, kept), standing(now.handle[new])), order)
+
+    def _truth(self, now: Any, table: Any) -> EgoTruth:
+        m, n = self._motion, len(self._motion.handle)
+        x, y, heading, curvature, speed = place(m, table)
+        right, left, kind_right, kind_left, lanes_left, marked = see(m, table)
+        return EgoTruth(
+            handle=m.handle,
+            path=m.path,
+            station_m=m.station_m,
+            path_offset_m=m.offset_m,
+            path_heading_rad=m.heading_rad,
+            x_m=x,
+            y_m=y,
+            heading_rad=heading,
+            speed_mps=speed,
+            acceleration_mps2=now.acceleration_mps2,
+            lateral_speed_mps=m.lateral_speed_mps,
+            yaw_rate_rps=m.yaw_rate_rps,
+            steer_rad=m.steer_rad,
+            curvature_1pm=curvature,
+            lane_offset_m=m.offset_m - 0.5 * (right + left),
+            lane_heading_rad=m.heading_rad.copy(),
+            lane_width_m=left - right,
+            lanes_left=lanes_left,
+            border_kind_right=kind_right,
+            border_kind_left=kind_left,
+            signal=self._mind.signal,
+            cause=self._mind.cause,
+            on_marked_road=marked if n else np.zeros(0, np.bool_),
+        )
+
+
+def standing(handle: Array) -> Motion:
+    """Motion of vehicles that have no place yet (lane −1): the next step puts them on their lane."""
+    n = len(handle)
+    return Motion(
+        handle,
+        np.full(n, -1, np.int32),
+        np.full(n, -1, np.int32),
+        *(np.zeros(n) for _ in Motion._fields[3:]),
+    )
+
+
+def _no_drive(n: int) -> Drive:
+    numbers_of = np.zeros((len(Drive._fields) - 1, n))
+    return Drive._make([*numbers_of, np.zeros(n, np.bool_)])
+
+
+def _own(batch: B) -> B:
+    # A copy, for kernels that write in place.
+    return type(batch)(*(part.copy() for part in batch))

@@ -1,0 +1,153 @@
+"""Kernels of the ego's lateral motion in the road frame: driver, steering, 2-DOF model, path kinematics.
+
+Road frame: d left of the path, e = heading minus the path's heading; ḋ = v sin e + v_y cos e, ė = γ − κ ṡ.
+"""
+
+import math
+
+from sumo_net.compile import kernel
+from sumo_net.driver_kernels import STEP_S, attend, corrected_curvature, disturbance, profile
+from sumo_net.vehicle import derivatives
+
+SUBSTEPS = 10
+KINEMATIC_BELOW_MPS = 2.0
+DYNAMIC_ABOVE_MPS = 4.0
+_RELAXATION_1PS = 25.0  # towards rolling without slip, like the tyres' own rate at 4 m/s
+_F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10 = (1.0 / math.factorial(k) for k in range(3, 11))
+
+
+@kernel
+def lateral_rates(v_y, yaw_rate, steer, v, p):  # type: ignore[no-untyped-def]
+    """(v̇_y, γ̇) at any speed: corrected eq. (11) above 4 m/s, rolling without slip below 2 m/s.
+
+    Between, both are blended smoothly; at v = 0 both states decay to zero.
+    """
+    if v >= DYNAMIC_ABOVE_MPS:
+        return derivatives(v_y, yaw_rate, steer, v, p)
+    rolling = max(v, 0.0) * math.tan(steer) / (p.l_f + p.l_r)
+    slow_v_y = _RELAXATION_1PS * (p.l_r * rolling - v_y)
+    slow_yaw = _RELAXATION_1PS * (rolling - yaw_rate)
+    if v <= KINEMATIC_BELOW_MPS:
+        return slow_v_y, slow_yaw
+    u = (v - KINEMATIC_BELOW_MPS) / (DYNAMIC_ABOVE_MPS - KINEMATIC_BELOW_MPS)
+    w = u * u * (3.0 - 2.0 * u)
+    fast_v_y, fast_yaw = derivatives(v_y, yaw_rate, steer, v, p)
+    return w * fast_v_y + (1.0 - w) * slow_v_y, w * fast_yaw + (1.0 - w) * slow_yaw
+
+
+@kernel
+def sine_cosine(angle):  # type: ignore[no-untyped-def]
+    """(sin, cos) of an angle, taken at ±1.2 rad beyond that, by series: off by less than 3e-7, and fast."""
+    a = min(max(angle, -1.2), 1.2)
+    q = a * a
+    sine = a * (1.0 - q * (_F3 - q * (_F5 - q * (_F7 - q * _F9))))
+    cosine = 1.0 - q * (0.5 - q * (_F4 - q * (_F6 - q * (_F8 - q * _F10))))
+    return sine, cosine
+
+
+@kernel
+def forward_speed(along, v_y, d, e, curvature):  # type: ignore[no-untyped-def]
+    """Speed of the centre of gravity along the vehicle's x axis; its foot on the path moves at `along`."""
+    sine, cosine = sine_cosine(e)
+    return (along * max(1.0 - d * curvature, 0.1) + v_y * sine) / cosine
+
+
+@kernel
+def rates(d, e, v_y, yaw_rate, steer, along, curvature, p):  # type: ignore[no-untyped-def]
+    """(ḋ, ė, v̇_y, γ̇); `along` = ṡ."""
+    sine, cosine = sine_cosine(e)
+    v = (along * max(1.0 - d * curvature, 0.1) + v_y * sine) / cosine
+    dv_y, dyaw = lateral_rates(v_y, yaw_rate, steer, v, p)
+    return v * sine + v_y * cosine, yaw_rate - curvature * along, dv_y, dyaw
+
+
+@kernel
+def runge_kutta(x, steer, steer_end, along, along_end, curvature, curvature_end, h, p):  # type: ignore[no-untyped-def]
+    """One classical step of x = (d, e, v_y, γ), the inputs linear over it."""
+    steer_mid, along_mid = 0.5 * (steer + steer_end), 0.5 * (along + along_end)
+    curvature_mid = 0.5 * (curvature + curvature_end)
+    a = rates(x[0], x[1], x[2], x[3], steer, along, curvature, p)
+    g = 0.5 * h
+    b = rates(
+        x[0] + g * a[0], x[1] + g * a[1], x[2] + g * a[2], x[3] + g * a[3],
+        steer_mid, along_mid, curvature_mid, p,
+    )  # fmt: skip
+    k = rates(
+        x[0] + g * b[0], x[1] + g * b[1], x[2] + g * b[2], x[3] + g * b[3],
+        steer_mid, along_mid, curvature_mid, p,
+    )  # fmt: skip
+    q = rates(
+        x[0] + h * k[0], x[1] + h * k[1], x[2] + h * k[2], x[3] + h * k[3],
+        steer_end, along_end, curvature_end, p,
+    )  # fmt: skip
+    w = h / 6.0
+    return (
+        x[0] + w * (a[0] + 2.0 * b[0] + 2.0 * k[0] + q[0]),
+        x[1] + w * (a[1] + 2.0 * b[1] + 2.0 * k[1] + q[1]),
+        x[2] + w * (a[2] + 2.0 * b[2] + 2.0 * k[2] + q[2]),
+        x[3] + w * (a[3] + 2.0 * b[3] + 2.0 * k[3] + q[3]),
+    )
+
+
+@kernel
+def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
+    """One step of 0.1 s for n vehicles, written into `motion` (Motion) and `mind` (Mind), the caller's own.
+
+    `drive` (Drive) is what road and SUMO say about the step, c DriverNumbers, p Model.
+    """
+    h = STEP_S / SUBSTEPS
+    steer_share = 1.0 - math.exp(-h / c.steer_lag)
+    steer_move_most = c.steer_rate_most * h
+    for i in range(len(motion.offset_m)):
+        x = (motion.offset_m[i], motion.heading_rad[i], motion.lateral_speed_mps[i], motion.yaw_rate_rps[i])
+        steer = motion.steer_rad[i]
+        v_old, v_new = drive.speed_before_mps[i], drive.speed_after_mps[i]
+        k_old, k_new = drive.curvature_before_1pm[i], drive.curvature_after_1pm[i]
+        look_old, look_new = drive.preview_before_1pm[i], drive.preview_after_1pm[i]
+        v_mean = 0.5 * (v_old + v_new)
+        # SUMO's displacement is not the mean speed times the step (Euler): keep both exactly
+        stretch = drive.distance_m[i] / (STEP_S * v_mean) if v_mean > 0.01 else 1.0
+
+        noise_new = attend(
+            mind, traits, i, x[0], x[0] + p.l_f * math.sin(x[1]), drive.half_lane_m[i], steer,
+            abs(k_old) * v_old * v_old, drive.alerted[i], c,
+        )  # fmt: skip
+        noise_old = mind.noise[i]
+        mind.noise[i] = noise_new
+        frozen = mind.episode_left_s[i] > 0.0
+        held, drift_error = mind.held_steer_rad[i], mind.drift_mps2[i]
+        scale = disturbance(1.0, traits.sd_m[i], v_mean, c)
+        target, elapsed, duration = traits.offset_m[i], mind.change_elapsed_s[i], mind.change_duration_s[i]
+        start, start_rate, start_rate2 = (
+            mind.change_from_m[i], mind.change_rate_mps[i], mind.change_rate2_mps2[i],
+        )  # fmt: skip
+
+        for j in range(SUBSTEPS):
+            begin, end = j / SUBSTEPS, (j + 1) / SUBSTEPS
+            v, v_end = v_old + begin * (v_new - v_old), v_old + end * (v_new - v_old)
+            k, k_end = k_old + begin * (k_new - k_old), k_old + end * (k_new - k_old)
+            v_scale = max(v, c.slow)
+            steer_per_curvature = c.wheelbase * (1.0 + c.understeer * v * v)
+            if frozen:
+                asked = held + steer_per_curvature * drift_error / (v_scale * v_scale)
+            else:
+                sine, cosine = sine_cosine(x[1])
+                drift = v_scale * (sine + x[2] * cosine / max(v, 1.0))
+                line, line_rate, _ = profile(start, start_rate, start_rate2, target, elapsed, duration)
+                _, _, rate2 = profile(start, start_rate, start_rate2, target, elapsed + c.preview, duration)
+                noise = scale * (noise_old + begin * (noise_new - noise_old))
+                look = look_old + begin * (look_new - look_old)
+                asked = steer_per_curvature * corrected_curvature(
+                    x[0], drift, line, line_rate, rate2, noise, v_scale, look, c
+                )
+            asked = min(max(asked, -c.steer_most), c.steer_most)
+            move = min(max(steer_share * (asked - steer), -steer_move_most), steer_move_most)
+            x = runge_kutta(x, steer, steer + move, stretch * v, stretch * v_end, k, k_end, h, p)
+            steer += move
+            elapsed += h * min(1.0, v / c.slow)
+
+        mind.change_elapsed_s[i] = elapsed
+        motion.offset_m[i], motion.heading_rad[i] = x[0], x[1]
+        motion.lateral_speed_mps[i], motion.yaw_rate_rps[i] = x[2], x[3]
+        motion.steer_rad[i] = steer
+        motion.along_mps[i] = v_new

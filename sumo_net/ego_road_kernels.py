@@ -1,0 +1,142 @@
+"""Kernels that put the ego's road frame on the RoadTable: changes of path, what the step meets, world pose.
+
+`motion`, `mind`, `traits`, `drive` as in `sumo_net.ego` and `sumo_net.driver`; `table` a RoadTable.
+"""
+
+import math
+
+import numpy as np
+
+from sumo_net.compile import kernel
+from sumo_net.driver_kernels import STEP_S, restart, shift_line
+from sumo_net.ego_kernels import forward_speed
+from sumo_net.frames import wrap_angle
+from sumo_net.road_kernels import containing_lanes, pose_at, project, segment_at, station_of
+from sumo_net.road_table import OWN_RIGHT
+
+LANE_CHANGE_M = 1.5  # a path that lies so far beside the last one is SUMO's lane change
+JUMP_M = 5.0  # a vehicle found so far from where it should be was moved: it begins anew
+LEAD_TIME_S = 1.0  # a difference to SUMO's place along the road fades so
+_MOST_HEADING_RAD = 1.2
+
+
+@kernel
+def stretch_of(table, path):  # type: ignore[no-untyped-def]
+    """Metres along the path per metre that SUMO counts on the path's own lane."""
+    return (table.own_end_m[path] - table.own_start_m[path]) / table.own_length_m[path]
+
+
+@kernel
+def settle(motion, mind, traits, i, table, station, along, c, p):  # type: ignore[no-untyped-def]
+    """Vehicle i begins on its driver's line, in the steady turn that the path's curvature asks for."""
+    _, _, _, curvature = pose_at(table, motion.path[i], station)
+    v = max(along, 0.1)
+    if v * v * abs(curvature) > c.acceleration_most:
+        curvature = math.copysign(c.acceleration_most / (v * v), curvature)
+    yaw_rate = curvature * v
+    # steady state of the corrected eq. (11): the rear tyres' force balances m l_f γ v / L
+    v_y = p.l_r * yaw_rate - p.m * p.l_f * yaw_rate * v * v / (p.k_r * (p.l_f + p.l_r))
+    motion.station_m[i], motion.station_lead_m[i], motion.along_mps[i] = station, 0.0, along
+    motion.offset_m[i] = traits.offset_m[i]
+    motion.lateral_speed_mps[i], motion.yaw_rate_rps[i] = v_y, yaw_rate
+    motion.heading_rad[i] = -math.atan2(v_y, v)
+    steer = c.wheelbase * curvature * (1.0 + c.understeer * v * v)
+    motion.steer_rad[i] = min(max(steer, -c.steer_most), c.steer_most)
+    restart(mind, traits, i)
+
+
+@kernel
+def onto_paths(motion, mind, traits, table, changed, new_path, lane_position, speed, bumper, c, p):  # type: ignore[no-untyped-def]
+    """Carry the world pose of the `changed` vehicles over to their new paths; new vehicles settle."""
+    for j in range(len(changed)):
+        i = changed[j]
+        old, path = motion.path[i], new_path[i]
+        along = stretch_of(table, path) * speed[i]
+        # where SUMO had the vehicle before this step, as seen on the new path
+        before = station_of(table, path, lane_position[i]) - bumper - STEP_S * along
+        motion.path[i] = path
+        if old < 0:
+            settle(motion, mind, traits, i, table, before, along, c, p)
+            continue
+        if old == path:
+            continue
+        x, y, heading, _ = pose_at(table, old, motion.station_m[i])
+        d = motion.offset_m[i]
+        x, y = x - d * math.sin(heading), y + d * math.cos(heading)
+        heading += motion.heading_rad[i]
+        s, d_new = project(table, path, x, y, before)
+        line = traits.offset_m[i]
+        _, _, path_heading, _ = pose_at(table, path, s)
+        e = float(wrap_angle(heading - path_heading))
+        if not (abs(s - before) < JUMP_M and abs(d_new - line) < 3.0 * JUMP_M and abs(e) < _MOST_HEADING_RAD):
+            settle(motion, mind, traits, i, table, before, along, c, p)
+            continue
+        motion.station_m[i], motion.station_lead_m[i] = s, s - before
+        motion.offset_m[i], motion.heading_rad[i] = d_new, e
+        # the speed over ground stays: a foot on an inner lane moves slower
+        shift_line(mind, traits, i, d_new - d, abs(d_new - d) > LANE_CHANGE_M)
+
+
+@kernel
+def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper, c, p):  # type: ignore[no-untyped-def]
+    """Fill `drive` for the step to SUMO's new places and move the stations there."""
+    fade = math.exp(-STEP_S / LEAD_TIME_S)
+    for i in range(len(lane_position)):
+        path = motion.path[i]
+        along = stretch_of(table, path) * speed[i]
+        place = station_of(table, path, lane_position[i]) - bumper
+        station = place + fade * motion.station_lead_m[i]
+        distance = station - motion.station_m[i]
+        expected = 0.5 * STEP_S * (along + motion.along_mps[i])
+        lost = abs(motion.offset_m[i] - mind.change_from_m[i]) > JUMP_M + abs(
+            mind.change_from_m[i] - traits.offset_m[i]
+        )
+        if not abs(distance - expected) < JUMP_M or lost or abs(motion.heading_rad[i]) > _MOST_HEADING_RAD:
+            settle(motion, mind, traits, i, table, place - STEP_S * along, along, c, p)
+            station, distance = place, STEP_S * along
+        before, after = motion.station_m[i], station
+        preview = c.preview
+        _, _, _, drive.curvature_before_1pm[i] = pose_at(table, path, before)
+        _, _, _, drive.curvature_after_1pm[i] = pose_at(table, path, after)
+        _, _, _, drive.preview_before_1pm[i] = pose_at(table, path, before + preview * motion.along_mps[i])
+        _, _, _, drive.preview_after_1pm[i] = pose_at(table, path, after + preview * along)
+        g = segment_at(table, path, after)
+        width = table.border_offset_m[g, OWN_RIGHT + 1] - table.border_offset_m[g, OWN_RIGHT]
+        drive.half_lane_m[i] = 0.5 * width if math.isfinite(width) else 1.6
+        drive.distance_m[i] = max(distance, 0.0)
+        drive.speed_before_mps[i], drive.speed_after_mps[i] = motion.along_mps[i], along
+        motion.station_lead_m[i] = station - place
+        motion.station_m[i] = station
+
+
+@kernel
+def place(motion, table):  # type: ignore[no-untyped-def]
+    """World x, y, heading of the centre of gravity, the path's curvature and the forward speed, each (n,)."""
+    n = len(motion.station_m)
+    x, y, heading, curvature, speed = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for i in range(n):
+        px, py, along, curvature[i] = pose_at(table, motion.path[i], motion.station_m[i])
+        d, e = motion.offset_m[i], motion.heading_rad[i]
+        x[i], y[i] = px - d * math.sin(along), py + d * math.cos(along)
+        heading[i] = float(wrap_angle(along + e))
+        speed[i] = forward_speed(motion.along_mps[i], motion.lateral_speed_mps[i], d, e, curvature[i])
+    return x, y, heading, curvature, speed
+
+
+@kernel
+def see(motion, table):  # type: ignore[no-untyped-def]
+    """The lane that contains each centre of gravity: see `containing_lanes`."""
+    return containing_lanes(table, motion.path, motion.station_m, motion.offset_m)
+
+
+@kernel
+def front_laterals(motion, table, bumper):  # type: ignore[no-untyped-def]
+    """Offset (n,) of the front bumper's centre from the path, at the station in front of which it stands."""
+    out = np.empty(len(motion.station_m))
+    for i in range(len(out)):
+        d, e = motion.offset_m[i], motion.heading_rad[i]
+        _, _, _, curvature = pose_at(table, motion.path[i], motion.station_m[i])
+        ahead = bumper * math.cos(e)
+        # second order in the bumper's distance: the path turns away under it by κ b² / 2
+        out[i] = d + bumper * math.sin(e) - 0.5 * curvature * ahead * ahead
+    return out
