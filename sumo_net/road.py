@@ -111,9 +111,9 @@ class RoadNetwork:
         lanes = [self.graph.lanes[piece.lane] for piece in pieces]
         smooth = self._exact(pieces) if self._ways else None
         if smooth is None:
-            smooth = road_fit.fit(
-                [cut(lane.shape, piece.begin, piece.end) for lane, piece in zip(lanes, pieces, strict=True)]
-            )
+            parts = zip(lanes, pieces, strict=True)
+            shapes = [cut(lane.shape, piece.begin, piece.end) for lane, piece in parts]
+            smooth = road_fit.fit(shapes, min(0.5 * 10.0**-self.graph.decimals, 0.05))
         self._errors.append(smooth.error_m)
         sections = [self._markings.section(lane.id) for lane in lanes]
         return self._store.append(smooth, pieces, sections, own, lanes[own].length_m)

@@ -48,14 +48,14 @@ class SmoothPath:
     error_m: float  # largest lateral distance from the lane shapes, bulged as above
 
 
-def fit(shapes: list[Array]) -> SmoothPath:
-    """Fit one smooth path to the shapes (points, 2) of consecutive lanes.
+def fit(shapes: list[Array], rounding_m: float = 0.005) -> SmoothPath:
+    """Fit one smooth path to the shapes (points, 2) of consecutive lanes, rounded to within rounding_m.
 
     Raises ValueError where they are shorter than a metre together.
     """
     points, starts, ends = _concatenate(shapes)
-    q, along, at_points = _sample(points)
-    p = _smooth(q, float(along[1]))
+    q, along, at_points = _sample(points, rounding_m)
+    p = _smooth(q, float(along[1]), max(TOLERANCE_M, 1.6 * rounding_m))
     h = float(along[1])
     return _resample(p, q, at_points[starts] / h, at_points[ends] / h)
 
@@ -99,7 +99,7 @@ def _bridge(before: Array, after: Array, gap: float) -> Array:
     return np.asarray(before[-1] + w * (after[0] - before[-1]) + bend)
 
 
-def _sample(points: Array) -> tuple[Array, Array, Array]:
+def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array]:
     # Half-metre samples of the bulged polyline, their parameter, and the parameter of every given point.
     kept = [0]
     parameter = np.zeros(len(points))
@@ -125,6 +125,9 @@ def _sample(points: Array) -> tuple[Array, Array, Array]:
     direction = np.arctan2(chord[:, 1], chord[:, 0])
     turn = np.diff(direction)
     turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
+    # What rounding alone can turn says nothing; beside a long chord it would bulge that by centimetres.
+    chance = 2.0 * rounding_m * (1.0 / length[1:] + 1.0 / length[:-1])
+    turn = np.sign(turn) * np.maximum(np.abs(turn) - chance, 0.0)
     bend = np.concatenate([[0.0], 2.0 * turn / (length[1:] + length[:-1]), [0.0]])
     if len(turn):
         bend[0], bend[-1] = bend[1], bend[-2]  # the ends are taken to go on as they are
@@ -141,7 +144,7 @@ def _sample(points: Array) -> tuple[Array, Array, Array]:
     return knots[i] + unit * u[:, None] + normal * aside[:, None], t, parameter
 
 
-def _smooth(q: Array, h: float) -> Array:
+def _smooth(q: Array, h: float, tolerance_m: float) -> Array:
     scale = np.full(len(q), SCALE_M)
     for _ in range(_ROUNDS):
         p = _whittaker(q, scale, h)
@@ -149,7 +152,7 @@ def _smooth(q: Array, h: float) -> Array:
         tight = np.zeros(len(q))
         tight[1:-1] = np.hypot(*(p[2:] - 2.0 * p[1:-1] + p[:-2]).T) / h**2 > TIGHT_1PM
         kink = maximum_filter1d(tight, 2 * round(_KINK_REACH_M / h) + 1) > 0.0
-        tolerance = np.where(kink, KINK_TOLERANCE_M, TOLERANCE_M)
+        tolerance = np.where(kink, max(KINK_TOLERANCE_M, tolerance_m), tolerance_m)
         bad = (away > tolerance) & (scale > SHORTEST_SCALE_M)
         if not bad.any():
             break
