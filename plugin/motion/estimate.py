@@ -17,6 +17,14 @@ class MotionEstimate(NamedTuple):
     heading_error_rad: Array  # filtered vehicle heading minus lane heading at the centre of gravity
     curvature_1pm: Array  # filtered lane curvature at the centre of gravity
     curvature_rate_1pm2: Array
+    lane_width_m: Array  # filtered, known also while the observer coasts over frames without a lane
+    lane_shift: Array  # int8: +1 the offset refers to the lane on the left of the step before, -1 right
+
+
+def blank(n: int) -> MotionEstimate:
+    """A MotionEstimate of n vehicles to be written into."""
+    parts = [np.empty(n) for _ in MotionEstimate._fields[:-1]]
+    return MotionEstimate(*parts, lane_shift=np.zeros(n, np.int8))
 
 
 class Trajectory(NamedTuple):

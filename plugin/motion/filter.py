@@ -1,0 +1,163 @@
+"""The default observer: yaw rate and lateral speed from the camera alone, at any speed.
+
+Where Zhang et al. 2011 take the steer for a known input, differentiated out of the picture, this filter keeps
+it as a state: the steer is what the road's curvature asks for (a little ahead of the vehicle) plus a residual
+that the driver adds, a lateral acceleration of Ornstein-Uhlenbeck kind behind the lag of arm and wheel.
+Offset and heading then show the residual, the single-track model makes yaw rate and lateral speed of it, and
+their own small noises stand for what the model does not know (load, wind).
+
+The model is linear for a given speed: Φ and Q are worked out on a table of speeds at set-up and interpolated.
+The exact discretisation of the single-track model becomes rolling without slip by itself as v → 0.
+"""
+
+import math
+
+import numpy as np
+from filterpy.common import van_loan_discretization
+from pydantic import Field
+
+from plugin.lane.estimate import LaneEstimate
+from plugin.motion import filter_kernels
+from plugin.motion.estimate import Array, MotionEstimate, blank
+from plugin.motion.filter_kernels import (
+    AIM,
+    KRATE,
+    PSI,
+    VY,
+    YAW,
+    D,
+    FilterSchedule,
+    FilterState,
+    K,
+    M,
+    N,
+    R,
+)
+from sumo_net.settings import settings
+from sumo_net.vehicle import Vehicle, single_track, steady_state
+
+_STANDSTILL_MPS = 0.1  # the model divides by the speed; below, it has long become kinematics
+_TABLE_STEP_MPS = 1.0
+_FASTEST_MPS = 80.0
+_UNKNOWN_V_Y, _UNKNOWN_YAW = 0.2, 0.05  # standard deviations at first sight, m/s and rad/s
+
+
+@settings
+class FilterSettings:
+    """What the filter takes the camera, the road and the driver to be like. Standard deviations."""
+
+    offset_m: float = Field(0.015, gt=0, description="camera: lateral offset, a look")
+    heading_rad: float = Field(7e-4, gt=0, description="camera: heading, a look")
+    curvature_1pm: float = Field(1e-4, gt=0, description="camera: curvature at the preview point, a look")
+    curvature_rate_1pm2: float = Field(5e-6, gt=0, description="camera: change of curvature, a look")
+    one_border_factor: float = Field(1.5, ge=1, description="on all four while one border only is seen")
+
+    road_curvature_rate_1pm2: float = Field(1.5e-5, gt=0, description="road: how fast curvature changes")
+    road_length_m: float = Field(60.0, gt=0, description="road: correlation length of that change")
+
+    residual_mps2: float = Field(0.8, gt=0, description="driver: lateral acceleration beyond the road's")
+    residual_time_s: float = Field(1.5, gt=0, description="driver: its correlation time")
+    steer_lag_s: float = Field(0.5, gt=0, description="driver: how smoothly it is followed")
+    preview_s: float = Field(0.4, ge=0, le=3, description="driver: curvature is met from so far ahead")
+    slow_mps: float = Field(8.0, gt=0, description="driver: below, the residual goes by distance")
+
+    lateral_speed_noise: float = Field(0.02, ge=0, description="model: v_y, m/s per √s")
+    yaw_rate_noise: float = Field(0.003, ge=0, description="model: γ, rad/s per √s")
+    heading_noise: float = Field(1e-4, ge=0, description="model: ψ, rad per √s")
+
+    clip_sd: float = Field(4.0, gt=1, description="an innovation beyond is clipped")
+    misfit_looks: int = Field(5, ge=1, description="so many clipped looks in a row start the filter anew")
+    settle_s: float = Field(0.3, ge=0, description="nothing is said for so long after a start")
+    width_share: float = Field(0.05, gt=0, le=1, description="of a new lane width in the filtered one")
+
+
+def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: float) -> tuple[Array, Array]:
+    """F (8, 8) and the noise input G (8, 8), unit white noises, of dx/dt = F x + G w."""
+    c, v = settings, speed_mps
+    F, G = np.zeros((N, N)), np.zeros((N, N))
+    A, B = single_track(vehicle, max(v, _STANDSTILL_MPS))
+    F[:2, :2] = A
+    for state, share in zip((K, KRATE, R), steer_shares(vehicle, c, v), strict=True):
+        F[:2, state] = B[:, 0] * share
+    F[D, VY], F[D, PSI] = 1.0, v
+    F[PSI, YAW], F[PSI, K] = 1.0, -v
+    F[K, KRATE] = v
+    F[KRATE, KRATE] = -v / c.road_length_m
+    F[R, R], F[R, AIM] = -1.0 / c.steer_lag_s, 1.0 / c.steer_lag_s
+    F[AIM, AIM] = -1.0 / c.residual_time_s
+    G[VY, VY], G[YAW, YAW], G[PSI, PSI] = c.lateral_speed_noise, c.yaw_rate_noise, c.heading_noise
+    G[KRATE, KRATE] = c.road_curvature_rate_1pm2 * math.sqrt(2.0 * v / c.road_length_m)
+    G[AIM, AIM] = c.residual_mps2 * math.sqrt(2.0 / c.residual_time_s)
+    return F, G
+
+
+def steer_shares(vehicle: Vehicle, settings: FilterSettings, speed_mps: float) -> tuple[float, float, float]:
+    """δ_D as a sum over (K, K', residual acceleration): the road's curvature ahead, and the rest."""
+    per_curvature = vehicle.wheelbase_m + vehicle.understeer * speed_mps**2
+    scale = max(speed_mps, settings.slow_mps)
+    return per_curvature, per_curvature * settings.preview_s * speed_mps, per_curvature / scale**2
+
+
+def schedule(
+    vehicle: Vehicle, preview_m: float, settings: FilterSettings, coast_s: float = 1.0, step_s: float = 0.1
+) -> FilterSchedule:
+    """Discretise on the table of speeds; preview_m is D_L, where the camera reports the curvature."""
+    c = settings
+    speeds = np.arange(0.0, _FASTEST_MPS + 1e-9, _TABLE_STEP_MPS)
+    held = [van_loan_discretization(*continuous_model(vehicle, c, float(v)), dt=step_s) for v in speeds]
+    H = np.zeros((M, N))
+    H[0, D] = H[1, PSI] = H[2, K] = H[3, KRATE] = 1.0
+    H[2, KRATE] = preview_m
+    covariance = np.diag([c.offset_m, c.heading_rad, c.curvature_1pm, c.curvature_rate_1pm2]) ** 2
+    W = np.linalg.inv(np.linalg.cholesky(covariance))
+    near = c.curvature_1pm + preview_m * c.curvature_rate_1pm2
+    seen = [c.offset_m, c.heading_rad, near, c.curvature_rate_1pm2]
+    first = np.array([_UNKNOWN_V_Y, _UNKNOWN_YAW, *seen, c.residual_mps2, c.residual_mps2])
+    turns = [_turn(vehicle, max(float(v), _STANDSTILL_MPS)) for v in speeds]
+    return FilterSchedule(
+        np.array([transition for transition, _ in held]),
+        np.array([noise for _, noise in held]),
+        np.array([steer_shares(vehicle, c, float(v)) for v in speeds]),
+        np.array(turns),
+        first**2,
+        W @ H,
+        W,
+        _TABLE_STEP_MPS,
+        preview_m,
+        step_s,
+        coast_s,
+        c.settle_s,
+        c.clip_sd,
+        c.misfit_looks,
+        c.one_border_factor,
+        c.width_share,
+    )
+
+
+def _turn(vehicle: Vehicle, speed_mps: float) -> Array:
+    """(v_y, γ) for curvature 1 in a steady turn."""
+    steer = vehicle.wheelbase_m + vehicle.understeer * speed_mps**2
+    return steady_state(vehicle, speed_mps, steer)
+
+
+def init(n: int) -> FilterState:
+    """n vehicles that have not seen a lane yet."""
+    return FilterState(
+        np.zeros(n, bool),
+        np.zeros((n, N)),
+        np.zeros((n, N, N)),
+        np.full(n, np.nan),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n, np.int32),
+    )
+
+
+def step(
+    state: FilterState, schedule: FilterSchedule, lane: LaneEstimate, speed_mps: Array
+) -> tuple[FilterState, MotionEstimate]:
+    """One step of the filter for n vehicles; speed_mps (n,). Coasts where the lane is not seen."""
+    n = len(speed_mps)
+    new, out = init(n), blank(n)
+    filter_kernels.step(state, schedule, lane, speed_mps, new, out)
+    return new, out

@@ -1,0 +1,204 @@
+"""Kernel of the camera-only motion filter over the fleet: a Kalman filter of eight states a vehicle.
+
+x = (v_y, γ, d, ψ, K, K', r, q): lateral speed and yaw rate, offset and heading to the lane, the lane's
+curvature at the vehicle and its change along the lane, the lateral acceleration that the driver steers for
+beyond the road's, and where the arms are leading it.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from plugin.motion.estimate import Array
+from sumo_net.compile import kernel
+
+N = 8  # states
+M = 4  # measurements
+VY, YAW, D, PSI, K, KRATE, R, AIM = range(N)
+
+
+class FilterSchedule(NamedTuple):
+    """Everything of the filter that is worked out before driving; m speeds from 0, equally spaced."""
+
+    transition: Array  # (m, 8, 8) Φ
+    noise: Array  # (m, 8, 8) Q
+    steer: Array  # (m, 3) δ_D = steer · (K, K', r)
+    steady: Array  # (m, 2) (v_y, γ) in a steady turn, for curvature 1
+    initial: Array  # (8,) variances on first sight, of what that look does not tell
+    whitened: Array  # (4, 8) W H: measurements (d, ψ, K_L, K') of unit variance, uncorrelated
+    whitener: Array  # (4, 4) W
+    spacing: float  # m/s between two speeds
+    preview: float
+    step: float
+    coast: float  # s
+    settle: float  # s
+    clip: float  # innovations beyond so many standard deviations are clipped
+    misfits: int  # so many clipped looks in a row start the filter anew
+    one_border: float  # factor on the standard deviations while one border only is seen
+    width_gain: float
+
+
+class FilterState(NamedTuple):
+    """The filter of n vehicles."""
+
+    running: Array  # (n,) bool
+    x: Array  # (n, 8)
+    P: Array  # (n, 8, 8)
+    width: Array  # (n,)
+    unseen: Array  # (n,) s since the lane was last seen
+    age: Array  # (n,) s since the filter started
+    misfits: Array  # (n,) int32 clipped looks in a row
+
+
+@kernel
+def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
+    """One step for n vehicles; the new FilterState into `new`, a MotionEstimate into `out`."""
+    F, Q, half = np.empty((N, N)), np.empty((N, N)), np.empty((N, N))
+    z, gain, PH = np.empty(M), np.empty(N), np.empty(N)
+    for i in range(speed.size):
+        v = max(0.0, speed[i])
+        z[0], z[1] = lane.lateral_offset_m[i], lane.heading_error_rad[i]
+        z[2], z[3] = lane.curvature_1pm[i], lane.curvature_rate_1pm2[i]
+        borders = int(lane.left_border_seen[i]) + int(lane.right_border_seen[i])
+        seen = lane.locked[i] and borders > 0 and math.isfinite(z[0] + z[1] + z[2] + z[3])
+        unseen = 0.0 if seen else state.unseen[i] + s.step
+        running = state.running[i] and unseen <= s.coast + 1e-9 and math.isfinite(v)
+        if not running and not (seen and math.isfinite(v)):
+            forget(i, new, out)
+            continue
+
+        at = min(v / s.spacing, s.steer.shape[0] - 1 - 1e-9)
+        j = int(at)
+        w = at - j
+        x, P = new.x[i], new.P[i]
+        shift, misfits, age = 0, 0, 0.0
+        width = lane.lane_width_m[i] if seen else state.width[i]
+        if running:
+            age, misfits = state.age[i] + s.step, state.misfits[i]
+            if math.isfinite(state.width[i]):
+                width = state.width[i]
+                if seen and math.isfinite(lane.lane_width_m[i]):
+                    width += s.width_gain * (lane.lane_width_m[i] - width)
+            predict(state.x[i], state.P[i], j, w, s, F, Q, half, x, P)
+            if math.isfinite(width):
+                shift = int(lane.lane_shift[i])
+                x[D] -= shift * width
+            if seen:
+                # A change of lane that nobody told of shows as an offset that is a lane width away.
+                if math.isfinite(width):
+                    jump = round((x[D] - z[0]) / width)
+                    x[D] -= jump * width
+                    shift += jump
+                spread = s.one_border if borders == 1 else 1.0
+                misfits = misfits + 1 if update(x, P, z, spread, s, gain, PH) else 0
+                running = misfits <= s.misfits
+        if not running:
+            begin(z, j, w, v, s, x, P)
+            age, misfits = 0.0, 0
+        new.running[i], new.width[i], new.unseen[i] = True, width, unseen
+        new.age[i], new.misfits[i] = age, misfits
+        report(i, x, j, w, s, age, width, shift, out)
+
+
+@kernel
+def predict(x0, P0, j, w, s, F, Q, half, x, P):  # type: ignore[no-untyped-def]
+    """x = Φ x0, P = Φ P0 Φᵀ + Q (eqs. 15, 16) with Φ and Q between the tabled speeds j and j + 1."""
+    for r in range(N):
+        x[r] = 0.0
+        for c in range(N):
+            F[r, c] = (1.0 - w) * s.transition[j, r, c] + w * s.transition[j + 1, r, c]
+            Q[r, c] = (1.0 - w) * s.noise[j, r, c] + w * s.noise[j + 1, r, c]
+            x[r] += F[r, c] * x0[c]
+    for r in range(N):
+        for c in range(N):
+            half[r, c] = 0.0
+        for k in range(N):
+            f = F[r, k]
+            if f != 0.0:
+                for c in range(N):
+                    half[r, c] += f * P0[k, c]
+    for r in range(N):
+        for c in range(r + 1):
+            total = Q[r, c]
+            for k in range(N):
+                total += half[r, k] * F[c, k]
+            P[r, c] = P[c, r] = total
+
+
+@kernel
+def update(x, P, z, spread, s, gain, PH):  # type: ignore[no-untyped-def]
+    """One whitened measurement after the other (eqs. 17 to 19); True when one was clipped."""
+    clipped = False
+    for m in range(M):
+        S, residual = spread * spread, 0.0
+        for k in range(M):
+            residual += s.whitener[m, k] * z[k]
+        for r in range(N):
+            residual -= s.whitened[m, r] * x[r]
+            PH[r] = 0.0
+            for c in range(N):
+                PH[r] += P[r, c] * s.whitened[m, c]
+        for r in range(N):
+            S += s.whitened[m, r] * PH[r]
+        limit = s.clip * math.sqrt(S)
+        if abs(residual) > limit:
+            residual = math.copysign(limit, residual)
+            clipped = True
+        for r in range(N):
+            gain[r] = PH[r] / S
+            x[r] += gain[r] * residual
+        for r in range(N):
+            for c in range(r + 1):
+                P[r, c] = P[c, r] = P[r, c] - gain[r] * PH[c]
+    return clipped
+
+
+@kernel
+def begin(z, j, w, v, s, x, P):  # type: ignore[no-untyped-def]
+    """Start from one look: offset, heading and curvature as seen, the car following the road steadily."""
+    for r in range(N):
+        x[r] = 0.0
+        for c in range(N):
+            P[r, c] = 0.0
+        P[r, r] = s.initial[r]
+    x[D], x[PSI], x[KRATE] = z[0], z[1], z[3]
+    x[K] = z[2] - z[3] * s.preview
+    x[VY] = x[K] * ((1.0 - w) * s.steady[j, 0] + w * s.steady[j + 1, 0])
+    x[YAW] = x[K] * v
+
+
+@kernel
+def report(i, x, j, w, s, age, width, shift, out):  # type: ignore[no-untyped-def]
+    """State x as row i of the MotionEstimate; nothing is said before the filter has settled."""
+    out.lateral_speed_mps[i], out.yaw_rate_rps[i] = x[VY], x[YAW]
+    out.lateral_offset_m[i], out.heading_error_rad[i] = x[D], x[PSI]
+    out.curvature_1pm[i], out.curvature_rate_1pm2[i] = x[K], x[KRATE]
+    here = s.steer[j, 0] * x[K] + s.steer[j, 1] * x[KRATE] + s.steer[j, 2] * x[R]
+    next_ = s.steer[j + 1, 0] * x[K] + s.steer[j + 1, 1] * x[KRATE] + s.steer[j + 1, 2] * x[R]
+    out.steer_rad[i] = (1.0 - w) * here + w * next_
+    out.lane_width_m[i], out.lane_shift[i] = width, shift
+    if age < s.settle - 1e-9:
+        unknown(i, out)
+        out.lane_shift[i] = shift
+
+
+@kernel
+def forget(i, new, out):  # type: ignore[no-untyped-def]
+    """Vehicle i knows nothing: NaN in the estimate, a clean state."""
+    new.running[i], new.age[i], new.misfits[i] = False, 0.0, 0
+    new.width[i], new.unseen[i] = math.nan, 0.0
+    for r in range(N):
+        new.x[i, r] = 0.0
+        for c in range(N):
+            new.P[i, r, c] = 0.0
+    unknown(i, out)
+
+
+@kernel
+def unknown(i, out):  # type: ignore[no-untyped-def]
+    """NaN in row i of a MotionEstimate."""
+    out.lateral_speed_mps[i] = out.yaw_rate_rps[i] = out.steer_rad[i] = math.nan
+    out.lateral_offset_m[i] = out.heading_error_rad[i] = math.nan
+    out.curvature_1pm[i] = out.curvature_rate_1pm2[i] = out.lane_width_m[i] = math.nan
+    out.lane_shift[i] = 0

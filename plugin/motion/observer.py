@@ -1,0 +1,59 @@
+"""The observer that a run uses: Z11's bank (`paper`) or the camera-only filter (`refined`), one way in.
+
+table = schedule(vehicle, camera.preview_m, ObserverSettings())
+state = init(n, table)
+state, motion = step(state, table, lane, speed_mps)
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from plugin.lane.estimate import LaneEstimate
+from plugin.motion import bank, filter
+from plugin.motion.bank import BankSettings
+from plugin.motion.bank_kernels import BankSchedule, BankState
+from plugin.motion.estimate import Array, MotionEstimate
+from plugin.motion.filter import FilterSettings
+from plugin.motion.filter_kernels import FilterSchedule, FilterState
+from sumo_net.settings import settings
+from sumo_net.vehicle import Vehicle
+
+Schedule = BankSchedule | FilterSchedule
+State = BankState | FilterState
+
+
+@settings
+class ObserverSettings:
+    """How the vehicle's motion is observed."""
+
+    mode: Literal["paper", "refined"] = Field("refined", description="Z11's observer bank, or the filter")
+    coast_s: float = Field(1.0, ge=0, le=5, description="carry on so long without a lane, then unknown")
+    bank: BankSettings = Field(BankSettings(), description="of mode paper")
+    filter: FilterSettings = Field(FilterSettings(), description="of mode refined")
+
+
+def schedule(vehicle: Vehicle, preview_m: float, settings: ObserverSettings, step_s: float = 0.1) -> Schedule:
+    """All that is worked out before driving; preview_m is the camera's D_L."""
+    if settings.mode == "paper":
+        return bank.schedule(vehicle, preview_m, settings.bank, settings.coast_s, step_s)
+    return filter.schedule(vehicle, preview_m, settings.filter, settings.coast_s, step_s)
+
+
+def init(n: int, schedule: Schedule) -> State:
+    """n vehicles that have not seen a lane yet."""
+    return bank.init(n) if isinstance(schedule, BankSchedule) else filter.init(n)
+
+
+def step(
+    state: State, schedule: Schedule, lane: LaneEstimate, speed_mps: Array
+) -> tuple[State, MotionEstimate]:
+    """One step of 0.1 s for n vehicles; speed_mps (n,) from the vehicle's own speedometer.
+
+    Without a lane it coasts for `coast_s`, then all is NaN. Raises TypeError for a state of the other mode.
+    """
+    if isinstance(schedule, BankSchedule) and isinstance(state, BankState):
+        return bank.step(state, schedule, lane, speed_mps)
+    if isinstance(schedule, FilterSchedule) and isinstance(state, FilterState):
+        return filter.step(state, schedule, lane, speed_mps)
+    raise TypeError(f"{type(state).__name__} is not the state of a {type(schedule).__name__}")

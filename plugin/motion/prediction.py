@@ -1,0 +1,83 @@
+"""Where the vehicle will be: the path of the next seconds from (v, v_y, γ, δ, K) (Zhang et al. 2011, 4.2).
+
+`paper` holds the steer. `refined` lets the driver follow the road that the camera sees ahead and lets what
+the driver steers beyond that fade, with a weak return to the lane. The two assumptions that Z11 criticises,
+constant lateral velocity and constant turn radius, are here as baselines.
+"""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from plugin.motion import prediction_kernels
+from plugin.motion.estimate import Array, MotionEstimate, Trajectory
+from plugin.motion.prediction_kernels import Predictor
+from sumo_net.settings import settings
+from sumo_net.vehicle import Vehicle, model
+
+
+@settings
+class PredictionSettings:
+    """How far to predict, and what the driver is taken to do meanwhile."""
+
+    mode: Literal["paper", "refined"] = Field("refined", description="steer held, or the road followed")
+    horizon_s: float = Field(3.0, gt=0, le=10, description="how far ahead")
+    step_s: float = Field(0.1, gt=0, le=0.5, description="between two points of the path")
+    residual_time_s: float = Field(2.0, gt=0, description="the steer beyond the road's fades so; huge: held")
+    steer_lag_s: float = Field(0.15, gt=0, description="lag of arm and wheel")
+    preview_s: float = Field(0.4, ge=0, le=3, description="the driver meets curvature from so far ahead")
+    slow_mps: float = Field(8.0, gt=0, description="below, the residual goes by distance")
+    return_gain: float = Field(0.0, ge=0, le=1, description="share of full lane keeping, 0 none")
+    return_bandwidth_rps: float = Field(0.7, gt=0, le=2, description="natural frequency of lane keeping")
+    return_damping: float = Field(0.8, gt=0, le=2, description="damping ratio of lane keeping")
+    curvature_reach_m: float = Field(80.0, ge=0, description="how far the change of curvature is believed")
+
+    @property
+    def steps(self) -> int:
+        """H, the number of points of a path."""
+        return max(1, round(self.horizon_s / self.step_s))
+
+
+def predictor(vehicle: Vehicle, settings: PredictionSettings) -> Predictor:
+    """The kernel's view of the settings."""
+    c = settings
+    return Predictor(
+        model(vehicle),
+        vehicle.understeer,
+        c.step_s,
+        c.steps,
+        c.mode == "refined",
+        1.0 / c.residual_time_s,
+        c.steer_lag_s,
+        c.preview_s,
+        c.slow_mps,
+        c.return_gain * c.return_bandwidth_rps**2,
+        c.return_gain * 2.0 * c.return_damping * c.return_bandwidth_rps,
+        c.curvature_reach_m,
+    )
+
+
+def predict(motion: MotionEstimate, speed_mps: Array, predictor: Predictor) -> Trajectory:
+    """Paths of n vehicles by the single-track model, (n, H) each; NaN where the motion is not known."""
+    return _run(prediction_kernels.single_track, motion, speed_mps, predictor)
+
+
+def constant_velocity(motion: MotionEstimate, speed_mps: Array, predictor: Predictor) -> Trajectory:
+    """Baseline: along the road, the offset growing by the lateral velocity of now."""
+    return _run(prediction_kernels.constant_velocity, motion, speed_mps, predictor)
+
+
+def constant_radius(motion: MotionEstimate, speed_mps: Array, predictor: Predictor) -> Trajectory:
+    """Baseline: on the circle of the yaw rate and slip of now, the road curving away or not."""
+    return _run(prediction_kernels.constant_radius, motion, speed_mps, predictor)
+
+
+def _run(
+    kernel: Callable[..., Any], motion: MotionEstimate, speed_mps: Array, predictor: Predictor
+) -> Trajectory:
+    n = len(speed_mps)
+    out = Trajectory(*(np.empty((n, predictor.steps)) for _ in range(5)))
+    kernel(motion, speed_mps, predictor, out)
+    return out

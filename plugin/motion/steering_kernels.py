@@ -1,0 +1,35 @@
+"""Scalar kernels of the front-wheel angle from the camera (Zhang et al. 2011, eqs. 10 and 13)."""
+
+from sumo_net.compile import kernel
+
+
+@kernel
+def kinematic_steer(curvature, heading, heading_before, v, wheelbase, step):  # type: ignore[no-untyped-def]
+    """δ_k = L K_L − L (e_L,k − e_L,k−1) / (v T) (eq. 10), rad; v above zero."""
+    return wheelbase * (curvature - (heading - heading_before) / (v * step))
+
+
+@kernel
+def correction(v, understeer, wheelbase):  # type: ignore[no-untyped-def]
+    """f = δ_D / δ_k = 1 + K_u v² / L (eq. 13, whose print misplaces the fraction)."""
+    return 1.0 + understeer * v * v / wheelbase
+
+
+@kernel
+def handover(v, low, high):  # type: ignore[no-untyped-def]
+    """Weight of the dynamics: 0 up to `low`, 1 from `high` m/s on, smooth between."""
+    w = min(1.0, max(0.0, (v - low) / (high - low)))
+    return w * w * (3.0 - 2.0 * w)
+
+
+@kernel
+def front_steer(  # type: ignore[no-untyped-def]
+    curvature, heading, heading_before, v, understeer, wheelbase, step, low, high
+):
+    """δ_D from two looks at the road (eqs. 10, 13), rad; at a few m/s it goes over to L K_L."""
+    w = handover(v, low, high)
+    steer = wheelbase * curvature
+    if w > 0.0:
+        kinematic = kinematic_steer(curvature, heading, heading_before, v, wheelbase, step)
+        steer += w * (kinematic * correction(v, understeer, wheelbase) - steer)
+    return steer

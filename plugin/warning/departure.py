@@ -1,0 +1,167 @@
+"""Lane-departure warning: when to warn, once an approach, and when to keep quiet.
+
+A warning is due towards a side when the vehicle drifts to it and either the time to lane crossing is at most
+`threshold_s` or the wheel is within `edge_m` of the border. It is given in the zone of ISO 17361 (from
+memory): not earlier than 0.75 m inside the border (1.5 s times the rate of departure between 0.5 and 1 m/s,
+1.5 m above), not later than 0.3 m outside. One warning an approach: the side is armed again when the wheel
+is back inside by `rearm_gap_m` and the time to crossing well above the threshold.
+
+A look that stands alone does not warn: the time to crossing must have been near the threshold one step
+before (`confirm_s` above it), which a true approach, shrinking by one step a step, has been: no lead is lost.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from plugin.motion.estimate import Array, MotionEstimate
+from plugin.warning import departure_kernels
+from plugin.warning.departure_kernels import (
+    INACTIVE,
+    LANE_NOT_SEEN,
+    READY,
+    SUPPRESSED,
+    WARNING_LEFT,
+    WARNING_RIGHT,
+    DepartureNumbers,
+)
+from plugin.warning.tlc import Crossing
+from sumo_net.settings import settings
+
+__all__ = [
+    "CODES",
+    "INACTIVE",
+    "LANE_NOT_SEEN",
+    "READY",
+    "SUPPRESSED",
+    "WARNING_LEFT",
+    "WARNING_RIGHT",
+    "DepartureSettings",
+    "DepartureState",
+    "DepartureWarning",
+    "init",
+    "numbers",
+    "step",
+]
+
+CODES = ("inactive", "ready", "warning left", "warning right", "suppressed", "lane not seen")
+
+
+@settings
+class DepartureSettings:
+    """When the driver is warned."""
+
+    threshold_s: float = Field(1.0, gt=0, le=3, description="time to lane crossing that is due for a warning")
+    hysteresis_s: float = Field(0.5, ge=0, description="a warning ends, a side is armed, this much above")
+    confirm_s: float = Field(0.4, ge=0, description="the look before was at most this much above")
+    urgent_s: float = Field(0.3, ge=0, description="level 2 from here, or with a wheel over the border")
+    edge_m: float = Field(0.10, ge=0, description="a wheel so near the border is due whatever its TLC")
+    least_drift_mps: float = Field(0.03, ge=0, description="no warning without so much drift to that side")
+    earliest_m: float = Field(0.75, gt=0, description="ISO 17361, from memory: not earlier inside the border")
+    earliest_time_s: float = Field(1.5, gt=0, description="and this times the rate of departure")
+    earliest_most_m: float = Field(1.5, gt=0, description="and never earlier than this")
+    latest_m: float = Field(0.3, ge=0, description="not later outside the border")
+    rearm_gap_m: float = Field(0.25, ge=0, description="wheel so far inside before the side can warn again")
+    least_speed_mps: float = Field(
+        11.1, ge=0, description="active from 40 km/h (11.1 m/s); streets are slower"
+    )
+    speed_hysteresis_mps: float = Field(1.4, ge=0, description="and until this much below it")
+    signal_hold_s: float = Field(
+        1.5, ge=0, description="a turn signal excuses its side so long after it ends"
+    )
+    least_duration_s: float = Field(0.5, ge=0, description="a warning lasts at least")
+    most_duration_s: float = Field(4.0, gt=0, description="and at most")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "DepartureSettings":
+        for low, high in (
+            ("least_duration_s", "most_duration_s"),
+            ("earliest_m", "earliest_most_m"),
+            ("edge_m", "rearm_gap_m"),
+            ("urgent_s", "threshold_s"),
+        ):
+            if getattr(self, low) > getattr(self, high):
+                raise ValueError(
+                    f"{low} = {getattr(self, low)}: must not be above {high} = {getattr(self, high)}"
+                )
+        return self
+
+
+class DepartureState(NamedTuple):
+    """The warning of n vehicles, (n,) each."""
+
+    fast: Array  # bool: above the speed from which it works
+    active: Array  # int8: side of the warning that is on, +1 left, -1 right, 0 none
+    since_s: Array  # since the last warning began
+    served_left: Array  # bool: this approach has had its warning
+    served_right: Array
+    hold_left_s: Array  # how long the turn signal still excuses
+    hold_right_s: Array
+    last_left_s: Array  # time to crossing one step before
+    last_right_s: Array
+
+
+class DepartureWarning(NamedTuple):
+    """What the driver gets, (n,) int8 each."""
+
+    code: Array  # INACTIVE, READY, WARNING_LEFT, WARNING_RIGHT, SUPPRESSED, LANE_NOT_SEEN
+    side: Array  # of the warning that is on: +1 left, -1 right, 0 none
+    started: Array  # the side, in the step in which a warning begins
+    level: Array  # 0 none, 1 warning, 2 at or over the border
+
+
+def numbers(settings: DepartureSettings, step_s: float = 0.1) -> DepartureNumbers:
+    """The kernel's view of the settings."""
+    c = settings
+    return DepartureNumbers(
+        c.threshold_s,
+        c.hysteresis_s,
+        c.confirm_s,
+        c.edge_m,
+        c.least_drift_mps,
+        c.earliest_m,
+        c.earliest_time_s,
+        c.earliest_most_m,
+        c.latest_m,
+        c.rearm_gap_m,
+        c.urgent_s,
+        c.least_speed_mps,
+        max(0.0, c.least_speed_mps - c.speed_hysteresis_mps),
+        c.signal_hold_s,
+        c.least_duration_s,
+        c.most_duration_s,
+        step_s,
+    )
+
+
+def init(n: int) -> DepartureState:
+    """n vehicles without a warning."""
+    return DepartureState(
+        np.zeros(n, bool),
+        np.zeros(n, np.int8),
+        np.full(n, np.inf),
+        np.zeros(n, bool),
+        np.zeros(n, bool),
+        np.zeros(n),
+        np.zeros(n),
+        np.full(n, np.inf),
+        np.full(n, np.inf),
+    )
+
+
+def step(
+    state: DepartureState,
+    crossing: Crossing,
+    motion: MotionEstimate,
+    speed_mps: Array,
+    signal: Array,
+    numbers: DepartureNumbers,
+) -> tuple[DepartureState, DepartureWarning]:
+    """One step for n vehicles; signal (n,) is the turn signal, +1 left, -1 right, 0 none."""
+    n = len(speed_mps)
+    heading = motion.heading_error_rad
+    drift = speed_mps * np.sin(heading) + motion.lateral_speed_mps * np.cos(heading)
+    new, out = init(n), DepartureWarning(*(np.zeros(n, np.int8) for _ in range(4)))
+    departure_kernels.step(state, crossing, drift, motion.lane_shift, speed_mps, signal, numbers, new, out)
+    return new, out

@@ -1,0 +1,113 @@
+"""Kernel of the lane-departure warning over the fleet: one small state machine a vehicle."""
+
+import math
+from typing import NamedTuple
+
+from sumo_net.compile import kernel
+
+INACTIVE, READY, WARNING_LEFT, WARNING_RIGHT, SUPPRESSED, LANE_NOT_SEEN = range(6)
+
+
+class DepartureNumbers(NamedTuple):
+    """The warning's settings as kernels take them."""
+
+    threshold: float
+    hysteresis: float
+    confirm: float
+    edge: float
+    least_drift: float
+    earliest: float
+    earliest_time: float
+    earliest_most: float
+    latest: float
+    rearm_gap: float
+    urgent: float
+    speed_on: float
+    speed_off: float
+    signal_hold: float
+    least_time: float
+    most_time: float
+    step: float
+
+
+@kernel
+def due(tlc, gap, drift, c):  # type: ignore[no-untyped-def]
+    """Whether a warning is due towards one side: TLC, gap of the wheel, rate of departure, each outwards."""
+    if drift < c.least_drift or gap < -c.latest:
+        return False
+    earliest = min(max(c.earliest, c.earliest_time * drift), c.earliest_most)
+    return gap <= c.edge or (tlc <= c.threshold and gap <= earliest)
+
+
+@kernel
+def step(state, crossing, drift, shift, speed, signal, c, new, out):  # type: ignore[no-untyped-def]
+    """One step for n vehicles; the new DepartureState into `new`, DepartureWarning into `out`.
+
+    drift (n,) m/s, left positive; shift (n,) lanes that the offset moved by;
+    signal (n,) +1 left, -1 right.
+    """
+    for i in range(speed.size):
+        v, code = speed[i], READY
+        fast = v >= (c.speed_off if state.fast[i] else c.speed_on)
+        seen = not math.isnan(crossing.tlc_s[i])
+        if not fast:
+            code = INACTIVE
+        elif not seen:
+            code = LANE_NOT_SEEN
+        active, since = state.active[i], state.since_s[i] + c.step
+        served_left, served_right = state.served_left[i], state.served_right[i]
+        hold_left = c.signal_hold if signal[i] > 0 else state.hold_left_s[i] - c.step
+        hold_right = c.signal_hold if signal[i] < 0 else state.hold_right_s[i] - c.step
+        if shift[i] != 0:
+            # In another lane now: the border just crossed is behind, and its approach has had its warning.
+            served_left = served_right = True
+        last_left, last_right = state.last_left_s[i], state.last_right_s[i]
+        started, level = 0, 0
+
+        if seen:
+            left, right = crossing.left_s[i], crossing.right_s[i]
+            gap_left, gap_right = crossing.gap_left_m[i], crossing.gap_right_m[i]
+            due_left = due(left, gap_left, drift[i], c) and last_left <= c.threshold + c.confirm
+            due_right = due(right, gap_right, -drift[i], c) and last_right <= c.threshold + c.confirm
+            clear = c.threshold + c.hysteresis
+            if gap_left >= c.rearm_gap and left > clear:
+                served_left = False
+            if gap_right >= c.rearm_gap and right > clear:
+                served_right = False
+            last_left, last_right = left, right
+        else:
+            left = right = gap_left = gap_right = math.inf
+            due_left = due_right = False
+            last_left = last_right = math.inf
+
+        if active != 0:
+            near = gap_left if active > 0 else gap_right
+            time = left if active > 0 else right
+            outward = drift[i] * active
+            over = shift[i] != 0 or near < -c.latest
+            goes_on = (time <= c.threshold + c.hysteresis and outward > -c.least_drift) or near <= 0.0
+            timely = since < c.most_time - 1e-9
+            if not fast or not timely or (since >= c.least_time - 1e-9 and (over or not goes_on)):
+                active = 0
+        if active == 0 and fast and seen:
+            if due_left and not served_left:
+                if hold_left > 0.0:
+                    code = SUPPRESSED
+                else:
+                    active, started, since, served_left = 1, 1, 0.0, True
+            if due_right and not served_right:
+                if hold_right > 0.0:
+                    code = SUPPRESSED
+                elif active == 0:
+                    active, started, since, served_right = -1, -1, 0.0, True
+        if active != 0:
+            code = WARNING_LEFT if active > 0 else WARNING_RIGHT
+            near = gap_left if active > 0 else gap_right
+            time = left if active > 0 else right
+            level = 2 if near <= 0.0 or time <= c.urgent else 1
+
+        new.fast[i], new.active[i], new.since_s[i] = fast, active, since
+        new.served_left[i], new.served_right[i] = served_left, served_right
+        new.hold_left_s[i], new.hold_right_s[i] = max(hold_left, 0.0), max(hold_right, 0.0)
+        new.last_left_s[i], new.last_right_s[i] = last_left, last_right
+        out.code[i], out.side[i], out.started[i], out.level[i] = code, active, started, level

@@ -1,0 +1,35 @@
+"""Time to lane crossing (TLC): when a front wheel's outer edge meets a border on a predicted path."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from plugin.motion.estimate import Array, MotionEstimate, Trajectory
+from plugin.warning import tlc_kernels
+from sumo_net.vehicle import Vehicle
+
+
+class Crossing(NamedTuple):
+    """When and where the vehicle will leave its lane, (n,) each; NaN where nothing is known."""
+
+    tlc_s: Array  # the first crossing; inf: none within the horizon; 0: a wheel is over a border already
+    side: Array  # int8: +1 left, -1 right, 0 none
+    left_s: Array  # of the left front wheel over the left border
+    right_s: Array
+    gap_left_m: Array  # now, left front wheel's outer edge to the left border, negative beyond it
+    gap_right_m: Array
+
+
+def time_to_lane_crossing(
+    motion: MotionEstimate, path: Trajectory, vehicle: Vehicle, step_s: float = 0.1
+) -> Crossing:
+    """TLC of n vehicles on their predicted paths (n, H), whose points are step_s apart.
+
+    The wheel's edge lies l_f ahead of the centre of gravity and half the wheel span aside; between two points
+    of the path it moves linearly. The path decides the method: predicted, constant velocity, constant radius.
+    """
+    n = len(motion.lateral_offset_m)
+    floats = [np.empty(n) for _ in range(5)]
+    out = Crossing(floats[0], np.zeros(n, np.int8), *floats[1:])
+    tlc_kernels.crossing(motion, path, vehicle.front_axle_m, 0.5 * vehicle.wheel_span_m, step_s, out)
+    return out
