@@ -6,18 +6,16 @@ left positive here, and nowhere else.
 """
 
 import contextlib
-import gzip
 import os
-import re
-import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from sumo_net.frames import heading_from_sumo_angle
+from sumo_net.start_up import cause, is_left_hand, one_line, set_sumo_home, standard_error
 
 Array = np.ndarray[Any, Any]
 
@@ -77,14 +75,14 @@ class Traffic:
         )
         self._check()
         self.net_file = Path(self._option("net-file"))
-        self.left_hand = _is_left_hand(self.net_file)
+        self.left_hand = is_left_hand(self.net_file)
         self._side = -1.0 if self.left_hand else 1.0
         self.lane_ids: list[str] = list(simulation.lane.getIDList())
         self._lane_number = {lane: number for number, lane in enumerate(self.lane_ids)}
         self._names: list[str] = []  # by handle
         self._kinds: list[_Kind] = []  # by handle
         self._bodies = np.zeros((256, 3))  # by handle: length, width, height
-        self._numbers: dict[str, int] = {}  # of the vehicles that have not arrived
+        self._numbers: dict[str, int] = {}  # of the vehicles that are not gone
         self._routes: dict[int, tuple[str, int, tuple[str, ...]]] = {}
         self._read_columns = _reader(simulation)
 
@@ -99,14 +97,14 @@ class Traffic:
         """
         if Traffic._started is not None:
             raise TrafficError("a simulation is already running in this process: close() it first")
-        _set_sumo_home()
-        with _standard_error() as words:
+        set_sumo_home()
+        with standard_error() as words:
             try:
                 simulation = _start_gui(arguments) if gui else _start_libsumo(arguments)
             except TrafficError:
                 raise
             except Exception as error:
-                raise TrafficError(f"SUMO did not start: {_cause(words(), str(error))}") from None
+                raise TrafficError(f"SUMO did not start: {cause(words(), str(error))}") from None
         try:
             traffic = cls(simulation, owned=True)
         except BaseException:
@@ -176,7 +174,7 @@ class Traffic:
         try:
             self._sumo.simulationStep()
         except (*self._lost, self._refused) as error:
-            raise TrafficError(f"SUMO stopped: {_one_line(str(error))}") from None
+            raise TrafficError(f"SUMO stopped: {one_line(str(error))}") from None
 
     @property
     def time_s(self) -> float:
@@ -191,15 +189,20 @@ class Traffic:
     # --- reading
 
     def snapshot(self) -> Snapshot:
-        """All vehicles now; call once a step."""
+        """All vehicles now; call once a step. Raises TrafficError where the simulation has ended."""
+        try:
+            return self._snapshot()
+        except self._lost as error:
+            raise TrafficError(f"SUMO stopped: {one_line(str(error))}") from None
+
+    def _snapshot(self) -> Snapshot:
         numbers = self._numbers
-        for name in self._sumo.simulation.getArrivedIDList():
-            handle = numbers.pop(name, None)
-            self._routes.pop(-1 if handle is None else handle, None)
         names = self._sumo.vehicle.getIDList()
         # In the order of their names, so that handles do not depend on the order of SUMO's list.
         for name in sorted(name for name in names if name not in numbers):
             self._register(name)
+        if len(numbers) > len(names):
+            self._forget(numbers.keys() - set(names))
         order = sorted([numbers[name] for name in names])
         known = self._names
         (position, angle, speed, acceleration, lanes, along, lateral, signals) = self._read_columns(
@@ -274,7 +277,7 @@ class Traffic:
             if known is not None and known[0] == route and known[1] == index:
                 return known[2]
             ahead = tuple(self._sumo.vehicle.getRoute(name)[max(index, 0) :])
-        except self._refused:
+        except (*self._lost, self._refused):
             return ()
         self._routes[handle] = (route, index, ahead)
         return ahead
@@ -293,8 +296,10 @@ class Traffic:
         put, names = self._sumo.vehicle.setLateralLanePosition, self._names
         sumo_side = (self._side * np.asarray(lateral_m, dtype=np.float64)).tolist()
         for handle, lateral in zip(np.asarray(handles).tolist(), sumo_side, strict=True):
-            with contextlib.suppress(self._refused):
+            try:  # contextlib.suppress would cost more than the call itself
                 put(names[handle], lateral)
+            except (*self._lost, self._refused):
+                pass
 
     def set_color(self, handle: int, red: int, green: int, blue: int) -> None:
         """Colour a vehicle in sumo-gui, 0 to 255 each; nothing for one that has vanished."""
@@ -313,6 +318,14 @@ class Traffic:
         self._names.append(name)
         self._numbers[name] = handle
 
+    def _forget(self, absent: Iterable[str]) -> None:
+        """Drop the vehicles that are gone for good: one that is teleporting is absent too, but comes back."""
+        for name in absent:
+            try:
+                self._sumo.vehicle.getRouteIndex(name)
+            except self._refused:
+                self._routes.pop(self._numbers.pop(name), None)
+
     def _lane_indices(self, lanes: list[str]) -> Array:
         number = self._lane_number
         try:
@@ -327,6 +340,10 @@ class Traffic:
 
 def _reader(simulation: Any) -> Any:
     """A function of the vehicles' names that gives the eight changing columns as lists."""
+    return _getters(simulation) if _in_process(simulation) else _subscriptions(simulation)
+
+
+def _getters(simulation: Any) -> Any:
     vehicle = simulation.vehicle
     getters = (
         vehicle.getPosition,
@@ -343,6 +360,43 @@ def _reader(simulation: Any) -> Any:
         return [[get(name) for name in names] for get in getters]
 
     return read
+
+
+def _subscriptions(simulation: Any) -> Any:
+    """For traci: SUMO sends the values with every step, instead of a message to and fro for each value."""
+    from traci import constants as tc
+
+    vehicle = simulation.vehicle
+    variables = (
+        tc.VAR_POSITION,
+        tc.VAR_ANGLE,
+        tc.VAR_SPEED,
+        tc.VAR_ACCELERATION,
+        tc.VAR_LANE_ID,
+        tc.VAR_LANEPOSITION,
+        tc.VAR_LANEPOSITION_LAT,
+        tc.VAR_SIGNALS,
+    )
+
+    def values(name: str) -> Any:
+        # The answer to a subscription holds the values of now. SUMO adds it to what the user subscribed to.
+        vehicle.subscribe(name, variables)
+        return vehicle.getSubscriptionResults(name)
+
+    def read(names: list[str]) -> list[list[Any]]:
+        known = vehicle.getAllSubscriptionResults()
+        rows = []
+        for name in names:
+            row = known.get(name)
+            complete = row is not None and all(variable in row for variable in variables)
+            rows.append(row if complete else values(name))
+        return [[row[variable] for row in rows] for variable in variables]
+
+    return read
+
+
+def _in_process(simulation: Any) -> bool:
+    return getattr(simulation, "__name__", "") == "libsumo"
 
 
 def _start_libsumo(arguments: Sequence[str]) -> Any:
@@ -363,54 +417,3 @@ def _start_gui(arguments: Sequence[str]) -> Any:
     label = f"sumo-adas-{os.getpid()}"
     traci.start([sumolib.checkBinary("sumo-gui"), *arguments, "--start", "--quit-on-end"], label=label)
     return traci.getConnection(label)
-
-
-def _set_sumo_home() -> None:
-    """SUMO looks for its XML schemas there, and on the network when it has none."""
-    if "SUMO_HOME" not in os.environ:
-        with contextlib.suppress(ImportError):
-            import sumo
-
-            os.environ["SUMO_HOME"] = sumo.SUMO_HOME
-
-
-@contextlib.contextmanager
-def _standard_error() -> Iterator[Any]:
-    """Collect what is written to the process's standard error, by SUMO's C++ too; gives a reader of it."""
-    with tempfile.TemporaryFile() as file:
-        saved = os.dup(2)
-        os.dup2(file.fileno(), 2)
-
-        def words() -> str:
-            file.seek(0)
-            return file.read().decode("utf-8", "replace")
-
-        try:
-            yield words
-        finally:
-            os.dup2(saved, 2)
-            os.close(saved)
-
-
-def _cause(words: str, otherwise: str) -> str:
-    """SUMO's own words on why it failed, in one line: its errors, without its warnings."""
-    found = re.findall(r"^Error: (.*(?:\n (?! *Error:| *Warning:).*)*)", words, flags=re.MULTILINE)
-    found = [_one_line(text) for text in found if not text.startswith("Quitting")]
-    return "; ".join(dict.fromkeys(found)) or _one_line(words) or _one_line(otherwise)
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
-
-
-def _is_left_hand(net_file: Path) -> bool:
-    """Whether the network says that traffic keeps left; False where the file cannot be read from here."""
-    opener = gzip.open if net_file.suffix == ".gz" else open
-    try:
-        with opener(net_file, "rt", encoding="utf-8", errors="replace") as file:
-            for line in file:
-                if "<net " in line:
-                    return bool(re.search(r'\blefthand="(1|true)"', line))
-    except OSError:
-        pass
-    return False

@@ -1,0 +1,62 @@
+"""What SUMO needs and says when it starts: its home, the reason for a failure, the side of the traffic."""
+
+import contextlib
+import gzip
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+
+def set_sumo_home() -> None:
+    """SUMO looks for its XML schemas there, and on the network when it has none."""
+    if "SUMO_HOME" not in os.environ:
+        with contextlib.suppress(ImportError):
+            import sumo
+
+            os.environ["SUMO_HOME"] = sumo.SUMO_HOME
+
+
+@contextlib.contextmanager
+def standard_error() -> Iterator[Any]:
+    """Collect what is written to the process's standard error, by SUMO's C++ too; gives a reader of it."""
+    with tempfile.TemporaryFile() as file:
+        saved = os.dup(2)
+        os.dup2(file.fileno(), 2)
+
+        def words() -> str:
+            file.seek(0)
+            return file.read().decode("utf-8", "replace")
+
+        try:
+            yield words
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+
+
+def cause(words: str, otherwise: str) -> str:
+    """SUMO's own words on why it failed, in one line: its errors, without its warnings."""
+    found = re.findall(r"^Error: (.*(?:\n (?! *Error:| *Warning:).*)*)", words, flags=re.MULTILINE)
+    found = [one_line(text) for text in found if not text.startswith("Quitting")]
+    return "; ".join(dict.fromkeys(found)) or one_line(words) or one_line(otherwise)
+
+
+def one_line(text: str) -> str:
+    """The text without its line breaks."""
+    return " ".join(text.split())
+
+
+def is_left_hand(net_file: Path) -> bool:
+    """Whether the network says that traffic keeps left; False where the file cannot be read from here."""
+    opener = gzip.open if net_file.suffix == ".gz" else open
+    try:
+        with opener(net_file, "rt", encoding="utf-8", errors="replace") as file:
+            for line in file:
+                if "<net " in line:
+                    return bool(re.search(r'\blefthand="(1|true)"', line))
+    except OSError:
+        pass
+    return False
