@@ -24,7 +24,7 @@ class MotionEstimate(NamedTuple):
 def blank(n: int) -> MotionEstimate:
     """A MotionEstimate of n vehicles to be written into."""
     parts = [np.empty(n) for _ in MotionEstimate._fields[:-1]]
-    return MotionEstimate(*parts, lane_shift=np.zeros(n, np.int8))
+    return MotionEstimate._make([*parts, np.zeros(n, np.int8)])
 
 
 class Trajectory(NamedTuple):
