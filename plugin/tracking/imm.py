@@ -24,8 +24,7 @@ class ImmState(NamedTuple):
 
 def init(x: Array, P: Array, mu: Array) -> ImmState:
     """Every model of a track at x (T, n), P (T, n, n), with mode probabilities mu (r,)."""
-    tracks, n = x.shape
-    r = len(mu)
+    tracks, r = len(x), len(mu)
     return ImmState(
         np.repeat(x[:, None], r, axis=1),
         np.repeat(P[:, None], r, axis=1),

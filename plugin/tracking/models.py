@@ -34,7 +34,7 @@ class RadarNoise:
     azimuth_rad: float = Field(math.radians(0.2), gt=0, description="σ₃, 0.2°")
 
     @property
-    def R(self) -> Array:
+    def covariance(self) -> Array:
         """(3, 3) covariance of (r, ṙ, β)."""
         return np.diag([self.range_m**2, self.range_rate_mps**2, self.azimuth_rad**2])
 

@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 from plugin.tracking import imm, kalman
 from plugin.tracking.models import POLAR_H, PolarMotion, RadarNoise, polar_models
 
-R = RadarNoise().R
+R = RadarNoise().covariance
 MARKOV = np.array([[0.98, 0.02], [0.02, 0.98]])
 
 

@@ -22,7 +22,7 @@ from plugin.tracking.models import (
     polar_models,
 )
 
-R = RadarNoise().R
+R = RadarNoise().covariance
 
 
 def random_covariance(rng: np.random.Generator, tracks: int, n: int = 6) -> np.ndarray:

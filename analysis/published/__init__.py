@@ -1,0 +1,1 @@
+"""The published experiments, run again: one module each, `reproduce(out, ...)` writes CSV and plot."""
