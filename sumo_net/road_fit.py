@@ -9,7 +9,8 @@ two ends' curvatures, none where they disagree), and sampled every half metre. T
 is taken (Whittaker 1923): a penalty on the third derivative leaves straights and arcs as they are and lets
 waves longer than about 2πℓ pass. ℓ starts at `SCALE_M` and shrinks where the curve strays further from the
 shape than `TOLERANCE_M`, or than `KINK_TOLERANCE_M` around kinks and tight corners, so that a kink of the
-drawing does not become a bend that no car can drive.
+drawing does not become a bend that no car can drive. Where even that would need a bend tighter than
+`TIGHTEST_1PM`, it is given up, and the fit error says so.
 """
 
 from dataclasses import dataclass
@@ -26,7 +27,10 @@ SHORTEST_SCALE_M = 0.4
 TOLERANCE_M = 0.012
 TIGHT_1PM = 1.0 / 40.0  # where the curve would be tighter, the shape has a kink rather than a bend
 KINK_TOLERANCE_M = 0.08  # and there the curve may cut it
+TIGHTEST_1PM = 1.0 / 4.0  # tighter than a car can turn: there the curve cuts the corner whatever it costs
+DEEPEST_BULGE_M = 0.4  # of an arc over its chord; of twice that depth, the chord is taken as straight
 _KINK_REACH_M = 10.0
+_LOCK_REACH_M = 3.0
 STEP_M = 0.5  # h
 SPACING_M = 1.0  # of the samples handed on
 _SHORT_CHORD_M = 1.0  # points closer than this say little about curvature
@@ -133,6 +137,9 @@ def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array]:
         bend[0], bend[-1] = bend[1], bend[-2]  # the ends are taken to go on as they are
     a, b = bend[:-1], bend[1:]
     curvature = np.where(a * b > 0.0, np.sign(a) * np.minimum(np.abs(a), np.abs(b)), 0.0)
+    # A long straight between two kinks is no arc: a bulge that would be too deep fades to none.
+    depth = np.abs(curvature) * length**2 / 8.0
+    curvature *= np.clip(2.0 - depth / DEEPEST_BULGE_M, 0.0, 1.0)
 
     t = np.linspace(0.0, total, max(int(np.ceil(total / STEP_M)), 8) + 1)
     station = np.concatenate([[0.0], np.cumsum(length)])
@@ -149,11 +156,12 @@ def _smooth(q: Array, h: float, tolerance_m: float) -> Array:
     for _ in range(_ROUNDS):
         p = _whittaker(q, scale, h)
         away = np.abs(_lateral(p, q))
-        tight = np.zeros(len(q))
-        tight[1:-1] = np.hypot(*(p[2:] - 2.0 * p[1:-1] + p[:-2]).T) / h**2 > TIGHT_1PM
-        kink = maximum_filter1d(tight, 2 * round(_KINK_REACH_M / h) + 1) > 0.0
+        bend = np.zeros(len(q))
+        bend[1:-1] = np.hypot(*(p[2:] - 2.0 * p[1:-1] + p[:-2]).T) / h**2
+        kink = maximum_filter1d(bend, 2 * round(_KINK_REACH_M / h) + 1) > TIGHT_1PM
+        full_lock = maximum_filter1d(bend, 2 * round(_LOCK_REACH_M / h) + 1) > TIGHTEST_1PM
         tolerance = np.where(kink, max(KINK_TOLERANCE_M, tolerance_m), tolerance_m)
-        bad = (away > tolerance) & (scale > SHORTEST_SCALE_M)
+        bad = (away > tolerance) & (scale > SHORTEST_SCALE_M) & ~full_lock
         if not bad.any():
             break
         # How far a curve strays grows with the scale: linearly at a kink, as its cube where a bend begins.
