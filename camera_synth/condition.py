@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from sumo_net.compile import kernel
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
@@ -143,6 +144,76 @@ class Looks(NamedTuple):
     drift_frames: Array
     vignetting: Array
     noise_grey: Array
+
+
+class Look(NamedTuple):
+    """The same for one vehicle, as scalars: what the kernels of one row take."""
+
+    world_seed: int
+    asphalt_grey: float
+    paint_grey: float
+    verge_grey: float
+    sky_grey: float
+    haze_grey: float
+    visibility_m: float
+    marking_width_m: float
+    edge_width_m: float
+    dash_stroke_m: float
+    dash_gap_m: float
+    texture: float
+    wheel_tracks: float
+    wear: float
+    missing: float
+    shadow: float
+    shadow_cover: float
+    overpass: float
+    overpass_spacing_m: float
+    ambient: float
+    headlight: float
+    headlight_reach_m: float
+    glare: float
+    sun_azimuth_rad: float
+    drift: float
+    drift_grey: float
+    drift_frames: float
+    vignetting: float
+    noise_grey: float
+
+
+@kernel
+def look_of(looks, i):  # type: ignore[no-untyped-def]
+    """Vehicle i's Look."""
+    return Look(
+        looks.world_seed[i],
+        looks.asphalt_grey[i],
+        looks.paint_grey[i],
+        looks.verge_grey[i],
+        looks.sky_grey[i],
+        looks.haze_grey[i],
+        looks.visibility_m[i],
+        looks.marking_width_m[i],
+        looks.edge_width_m[i],
+        looks.dash_stroke_m[i],
+        looks.dash_gap_m[i],
+        looks.texture[i],
+        looks.wheel_tracks[i],
+        looks.wear[i],
+        looks.missing[i],
+        looks.shadow[i],
+        looks.shadow_cover[i],
+        looks.overpass[i],
+        looks.overpass_spacing_m[i],
+        looks.ambient[i],
+        looks.headlight[i],
+        looks.headlight_reach_m[i],
+        looks.glare[i],
+        looks.sun_azimuth_rad[i],
+        looks.drift[i],
+        looks.drift_grey[i],
+        looks.drift_frames[i],
+        looks.vignetting[i],
+        looks.noise_grey[i],
+    )
 
 
 def looks(condition: Condition, count: int) -> Looks:

@@ -1,4 +1,4 @@
-"""Patterns in the world and noise of the sensor, as counter-based hashes without state.
+"""Patterns in the world, and slow changes in time: smooth noise from counter-based hashes, without state.
 
 Patterns vary slowly across a row, so they are worked out on nodes NODE_PX columns apart and interpolated;
 octaves shorter than the ground that a row spans fade out, which leaves no wavelength under 12 columns.
@@ -17,9 +17,6 @@ NODE_PX = 4
 
 _P1, _P2, _P3 = np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE3D)
 _M1, _M2 = np.uint32(0x21F0AAAD), np.uint32(0x735A2D97)
-_LOW = np.uint32(0x00FF00FF)
-_WORD = np.uint64(0xFFFFFFFF)
-_BYTE_SUM_MEAN, _BYTE_SUM_DEVIATION = 510.0, 147.79885  # of four independent bytes: sqrt(4 (2¹⁶ − 1) / 12)
 
 
 @kernel
@@ -110,29 +107,3 @@ def smooth_walk(key, time):  # type: ignore[no-untyped-def]
     low = np.float64(bits(key, cell) >> np.uint64(11)) * 2.0**-52 - 1.0
     high = np.float64(bits(key, cell + 1) >> np.uint64(11)) * 2.0**-52 - 1.0
     return low + (high - low) * t
-
-
-@kernel
-def expose(out, row, gain, black, sigma, key, counter):  # type: ignore[no-untyped-def]
-    """out (w,) uint8 = row · gain + black + noise, rounded and clipped; row, gain, black (w,) float32.
-
-    The noise of standard deviation sigma is the sum of the four bytes of a 32-bit hash of (key, counter,
-    column): mean 0, within 3.45 sigma, excess kurtosis −0.3, independent from draw to draw.
-    """
-    h64 = bits(key, counter)
-    k0, k1 = np.uint32(h64 & _WORD), np.uint32(h64 >> np.uint64(32))
-    scale = np.float32(sigma / _BYTE_SUM_DEVIATION)
-    shift = np.float32(0.5 - _BYTE_SUM_MEAN * sigma / _BYTE_SUM_DEVIATION)
-    zero, white = np.float32(0.0), np.float32(255.0)
-    for x in range(out.shape[0]):
-        h = np.uint32(k0 + np.uint32(x))
-        h = np.uint32(h ^ (h >> np.uint32(16)))
-        h = np.uint32(np.uint32(h * _M1) ^ k1)
-        h = np.uint32(h ^ (h >> np.uint32(15)))
-        h = np.uint32(h * _M2)
-        h = np.uint32(h ^ (h >> np.uint32(15)))
-        pairs = np.uint32(np.uint32(h & _LOW) + np.uint32((h >> np.uint32(8)) & _LOW))
-        total = np.uint32((pairs & np.uint32(0xFFFF)) + (pairs >> np.uint32(16)))
-        value = row[x] * gain[x] + black[x] + (np.float32(np.int32(total)) * scale + shift)
-        value = min(max(value, zero), white)
-        out[x] = np.uint8(np.int32(value))

@@ -37,15 +37,18 @@ class Curves(NamedTuple):
 
 
 class Crossings(NamedTuple):
-    """Scratch: where the curves cross one line of constant ahead."""
+    """Scratch for one vehicle: where the curves cross the edges between image rows.
 
-    piece: Array  # (CURVES,) int64, the piece last used; only ever moves on
-    kind: Array  # (CURVES,) int8, 0 where the curve does not cross
-    column: Array  # (CURVES,)
-    scale: Array  # (CURVES,) columns per metre across the curve
-    station: Array  # (CURVES,)
-    aside: Array  # (CURVES,)
-    slope: Array  # (CURVES,) d aside / d ahead
+    Entry e is the line at image height e - 0.5, so row y lies between entries y and y + 1.
+    """
+
+    ahead: Array  # (rows + 1,)
+    kind: Array  # (rows + 1, CURVES) int8, 0 where the curve does not cross
+    column: Array  # (rows + 1, CURVES)
+    scale: Array  # (rows + 1, CURVES) columns per metre across the curve
+    station: Array  # (rows + 1, CURVES)
+    aside: Array  # (rows + 1, CURVES)
+    slope: Array  # (rows + 1, CURVES) d aside / d ahead
 
 
 @kernel
@@ -65,16 +68,16 @@ def new_curves(samples):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def new_crossings():  # type: ignore[no-untyped-def]
-    """Empty Crossings."""
+def new_crossings(rows):  # type: ignore[no-untyped-def]
+    """Empty Crossings for image rows 0 to `rows` - 1."""
     return Crossings(
-        np.zeros(CURVES, np.int64),
-        np.zeros(CURVES, np.int8),
-        np.zeros(CURVES),
-        np.zeros(CURVES),
-        np.zeros(CURVES),
-        np.zeros(CURVES),
-        np.zeros(CURVES),
+        np.zeros(rows + 1),
+        np.zeros((rows + 1, CURVES), np.int8),
+        np.zeros((rows + 1, CURVES)),
+        np.zeros((rows + 1, CURVES)),
+        np.zeros((rows + 1, CURVES)),
+        np.zeros((rows + 1, CURVES)),
+        np.zeros((rows + 1, CURVES)),
     )
 
 
@@ -181,35 +184,49 @@ def row_line(y, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def cross(curves, crossings, ahead, depth, p):  # type: ignore[no-untyped-def]
-    """Where the curves cross the line at `ahead`; call with growing `ahead`."""
+def cross(crossings, curves, p):  # type: ignore[no-untyped-def]
+    """Fill `crossings` from `curves` for a camera with Projection p."""
+    edges, samples = crossings.ahead.shape[0], curves.start.shape[1]
+    for e in range(edges):
+        crossings.ahead[e], _ = row_line(e - 0.5, p)
     for k in range(CURVES):
-        crossings.kind[k] = 0
-        count = curves.last[k]
-        if count == 0:
+        last = curves.last[k]
+        if last == 0:
+            crossings.kind[:, k] = 0
             continue
-        j = max(crossings.piece[k], curves.first[k])
-        while j < count - 1 and ahead >= curves.start[k, j + 1]:
+        endless = curves.goes_on[0] and last == samples - 1
+        _cross_curve(crossings, k, curves, curves.first[k], last, endless, p)
+
+
+@kernel
+def _cross_curve(crossings, k, curves, first, last, endless, p):  # type: ignore[no-untyped-def]
+    ahead_of, kind, column = crossings.ahead, crossings.kind, crossings.column
+    scale, station, aside_of, slope_of = crossings.scale, crossings.station, crossings.aside, crossings.slope
+    start, cubic, passed, advance = curves.start, curves.cubic, curves.station, curves.advance
+    pieces = curves.kind
+    j = first
+    for e in range(ahead_of.shape[0]):
+        ahead = ahead_of[e]
+        while j < last - 1 and ahead >= start[k, j + 1]:
             j += 1
-        crossings.piece[k] = j
-        end = curves.start[k, j + 1] - curves.start[k, j]
-        u = ahead - curves.start[k, j]
-        beyond = max(0.0, u - end)
-        if beyond > 0.0 and not (curves.goes_on[0] and count == curves.start.shape[1] - 1):
+        end = start[k, j + 1] - start[k, j]
+        u = ahead - start[k, j]
+        if u > end and not endless:
+            kind[e, k] = 0
             continue
-        before = min(0.0, u)
         v = min(max(u, 0.0), end)
-        c0, c1 = curves.cubic[k, j, 0], curves.cubic[k, j, 1]
-        c2, c3 = curves.cubic[k, j, 2], curves.cubic[k, j, 3]
+        outside = u - v  # straight on before the first sample and beyond the last
+        c1, c2, c3 = cubic[k, j, 1], cubic[k, j, 2], cubic[k, j, 3]
         slope = c1 + v * (2.0 * c2 + v * 3.0 * c3)
-        aside = c0 + v * (c1 + v * (c2 + v * c3)) + slope * (beyond + before)
-        crossings.kind[k] = curves.kind[k, j]
-        crossings.aside[k] = aside
-        crossings.slope[k] = slope
-        crossings.column[k] = p.center_x - p.focal * aside / depth
-        crossings.scale[k] = math.sqrt(1.0 + slope * slope) * p.focal / depth
+        aside = cubic[k, j, 0] + v * (c1 + v * (c2 + v * c3)) + slope * outside
+        depth = p.cos_pitch * ahead + p.sin_pitch * p.height
         stretch = math.sqrt(1.0 + slope * slope)
-        crossings.station[k] = curves.station[j] + v * (curves.advance[j] / end) + stretch * (beyond + before)
+        kind[e, k] = pieces[k, j]
+        aside_of[e, k] = aside
+        slope_of[e, k] = slope
+        column[e, k] = p.center_x - p.focal * aside / depth
+        scale[e, k] = stretch * p.focal / depth
+        station[e, k] = passed[j] + v * (advance[j] / end) + stretch * outside
 
 
 @kernel

@@ -27,20 +27,21 @@ class Strip(NamedTuple):
 
 
 @kernel
-def paint_ground(row, cover, texture, node, lower, upper, looks, i, strip):  # type: ignore[no-untyped-def]
+def paint_ground(row, cover, texture, node, y, crossings, look, strip):  # type: ignore[no-untyped-def]
     """Asphalt between its edges and verge beside it, with the texture of both."""
-    right = lower.kind[RIGHT_EDGE] != 0 and upper.kind[RIGHT_EDGE] != 0
-    left = lower.kind[LEFT_EDGE] != 0 and upper.kind[LEFT_EDGE] != 0
+    kind, column = crossings.kind, crossings.column
+    right = kind[y, RIGHT_EDGE] != 0 and kind[y + 1, RIGHT_EDGE] != 0
+    left = kind[y, LEFT_EDGE] != 0 and kind[y + 1, LEFT_EDGE] != 0
     if right or left:  # where one edge has turned away before the other, asphalt fills its side
-        l0 = lower.column[LEFT_EDGE] if left else -_FAR
-        l1 = upper.column[LEFT_EDGE] if left else -_FAR
-        r0 = lower.column[RIGHT_EDGE] if right else _FAR
-        r1 = upper.column[RIGHT_EDGE] if right else _FAR
+        l0 = column[y, LEFT_EDGE] if left else -_FAR
+        l1 = column[y + 1, LEFT_EDGE] if left else -_FAR
+        r0 = column[y, RIGHT_EDGE] if right else _FAR
+        r1 = column[y + 1, RIGHT_EDGE] if right else _FAR
         cover_between(cover, l0, l1, r0, r1)
     else:
         cover[:] = 0.0
-    seed = looks.world_seed[i]
-    strength = looks.texture[i]
+    seed = look.world_seed
+    strength = look.texture
     active = False
     if strength > 0.0:
         for octave in range(3):
@@ -60,8 +61,8 @@ def paint_ground(row, cover, texture, node, lower, upper, looks, i, strip):  # t
                     seed + 11 + octave,
                     amplitude,
                 )
-    verge = np.float32(looks.verge_grey[i])
-    rise = np.float32(looks.asphalt_grey[i]) - verge
+    verge = np.float32(look.verge_grey)
+    rise = np.float32(look.asphalt_grey) - verge
     if active:
         interpolate(node, texture)
         rough = np.float32(strength * 2.0)
@@ -71,18 +72,13 @@ def paint_ground(row, cover, texture, node, lower, upper, looks, i, strip):  # t
     else:
         for x in range(row.shape[0]):
             row[x] = verge + rise * cover[x]
-    if looks.wheel_tracks[i] > 0.0:
+    if look.wheel_tracks > 0.0:
         for k in range(MAX_BORDERS - 1):
-            if (
-                lower.kind[k] != 0
-                and lower.kind[k + 1] != 0
-                and upper.kind[k] != 0
-                and upper.kind[k + 1] != 0
-            ):
-                a = 0.5 * (lower.column[k] + upper.column[k])
-                span = 0.5 * (lower.column[k + 1] + upper.column[k + 1]) - a
-                _paint_track(row, a + 0.3 * span, 0.13 * abs(span), looks.wheel_tracks[i])
-                _paint_track(row, a + 0.7 * span, 0.13 * abs(span), looks.wheel_tracks[i])
+            if kind[y, k] != 0 and kind[y, k + 1] != 0 and kind[y + 1, k] != 0 and kind[y + 1, k + 1] != 0:
+                a = 0.5 * (column[y, k] + column[y + 1, k])
+                span = 0.5 * (column[y, k + 1] + column[y + 1, k + 1]) - a
+                _paint_track(row, a + 0.3 * span, 0.13 * abs(span), look.wheel_tracks)
+                _paint_track(row, a + 0.7 * span, 0.13 * abs(span), look.wheel_tracks)
 
 
 @kernel
@@ -99,37 +95,36 @@ def _paint_track(row, centre, half, grey):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def paint_markings(row, lower, upper, looks, i, strip):  # type: ignore[no-untyped-def]
-    stroke = looks.dash_stroke_m[i]
-    period = stroke + looks.dash_gap_m[i]
+def paint_markings(row, y, crossings, look, strip):  # type: ignore[no-untyped-def]
+    kind, column, scale, station = crossings.kind, crossings.column, crossings.scale, crossings.station
+    stroke = look.dash_stroke_m
+    period = stroke + look.dash_gap_m
     first, last = MAX_BORDERS, -1
     for k in range(MAX_BORDERS):
-        if lower.kind[k] != 0:
+        if kind[y, k] != 0:
             first, last = min(first, k), k
     for k in range(first, last + 1):
-        if lower.kind[k] == 0 or upper.kind[k] == 0:
+        if kind[y, k] == 0 or kind[y + 1, k] == 0:
             continue
-        line = looks.edge_width_m[i] if k in (first, last) else looks.marking_width_m[i]
-        h0, h1 = 0.5 * line * lower.scale[k], 0.5 * line * upper.scale[k]
-        c0, c1 = lower.column[k], upper.column[k]
+        line = look.edge_width_m if k in (first, last) else look.marking_width_m
+        h0, h1 = 0.5 * line * scale[y, k], 0.5 * line * scale[y + 1, k]
+        c0, c1 = column[y, k], column[y + 1, k]
         if max(c0 + h0, c1 + h1) < -1.0 or min(c0 - h0, c1 - h1) > row.shape[0]:
             continue
         opacity = 1.0
-        if looks.wear[i] > 0.0 or looks.missing[i] > 0.0:
-            column = 0.5 * (c0 + c1)
-            opacity = _paint_left(
-                looks, i, strip.x + column * strip.dx, strip.y + column * strip.dy, strip.footprint
-            )
-        grey = looks.paint_grey[i]
-        if lower.kind[k] == DASHED:
+        if look.wear > 0.0 or look.missing > 0.0:
+            x = 0.5 * (c0 + c1)
+            opacity = _paint_left(look, strip.x + x * strip.dx, strip.y + x * strip.dy, strip.footprint)
+        grey = look.paint_grey
+        if kind[y, k] == DASHED:
             paint_dashes(
                 row,
                 c0 - h0,
                 c1 - h1,
                 c0 + h0,
                 c1 + h1,
-                lower.station[k],
-                upper.station[k],
+                station[y, k],
+                station[y + 1, k],
                 stroke,
                 period,
                 grey,
@@ -140,9 +135,9 @@ def paint_markings(row, lower, upper, looks, i, strip):  # type: ignore[no-untyp
 
 
 @kernel
-def _paint_left(looks, i, x, y, footprint):  # type: ignore[no-untyped-def]
+def _paint_left(look, x, y, footprint):  # type: ignore[no-untyped-def]
     """Opacity of the paint at a place in the world."""
-    seed, wear = looks.world_seed[i], looks.wear[i]
+    seed, wear = look.world_seed, look.wear
     opacity = 1.0
     if wear > 0.0:
         patch = 0.6 * value_noise(x / 9.0, y / 9.0, seed + 21)
@@ -153,9 +148,9 @@ def _paint_left(looks, i, x, y, footprint):  # type: ignore[no-untyped-def]
         if amplitude > 0.0:
             patch += 0.5 * amplitude * value_noise(x / 0.3, y / 0.3, seed + 23)
         opacity = 1.0 - wear * (0.35 + 0.65 * soft_step(0.5 + 0.9 * patch))
-    if looks.missing[i] > 0.0:
+    if look.missing > 0.0:
         # value noise at 20 m, its quantiles about those of a normal of deviation 0.36
         stretch = value_noise(x / 20.0, y / 20.0, seed + 24)
-        threshold = 1.0 - 2.0 * looks.missing[i] if looks.missing[i] > 0.4 else 0.62 - 1.2 * looks.missing[i]
+        threshold = 1.0 - 2.0 * look.missing if look.missing > 0.4 else 0.62 - 1.2 * look.missing
         opacity *= 1.0 - soft_step((stretch - threshold) / 0.08 + 0.5)
     return opacity
