@@ -50,20 +50,24 @@ class Driver:
     friction: float = Field(0.80, gt=0, le=1.5, description="total lateral acceleration asked for, over g")
     slow_mps: float = Field(8.0, gt=1, description="below, control and lane changes go by distance, not time")
 
-    distraction_per_min: float = Field(2.0, ge=0, description="glances away that freeze the steering")
+    distraction_per_min: float = Field(2.5, ge=0, description="glances away that freeze the steering")
     glance_mean_s: float = Field(1.1, gt=0, description="mean of their lognormal duration")
     glance_log_sd: float = Field(0.6, ge=0, description="its shape: standard deviation of the logarithm")
     drift_sd_mps2: float = Field(0.10, ge=0, description="lateral acceleration from the frozen steer's error")
     microsleep_per_min: float = Field(0.10, ge=0, description="of sleepy drivers")
     microsleep_least_s: float = Field(3.0, gt=0, description="shortest")
     microsleep_most_s: float = Field(15.0, gt=0, description="longest (uniform between)")
-    calm_road_mps2: float = Field(
-        1.0, ge=0, description="episodes begin only where the curve asks for less lateral acceleration"
+    calm_curve_mps2: float = Field(
+        1.5, ge=0, description="episodes begin only where the curve asks for less lateral acceleration"
+    )
+    calm_change_mps2: float = Field(
+        0.4, ge=0, description="and only where that changes by less within the next 3 s"
     )
     wake_beyond_border_m: float = Field(
-        0.30, ge=0, description="a wheel so far beyond the border (rumble strip, traffic) ends an episode"
+        0.15, ge=0, description="a wheel so far beyond the border (rumble strip, traffic) startles the driver"
     )
-    reaction_mean_s: float = Field(0.8, gt=0, description="from a warning or the rumble to steering again")
+    startle_s: float = Field(0.4, gt=0, description="from there to steering again")
+    reaction_mean_s: float = Field(0.8, gt=0, description="from a warning to steering again")
     reaction_sd_s: float = Field(0.2, ge=0, description="between drivers")
 
     lane_change_least_s: float = Field(4.0, ge=2, description="duration of a lane change, from")
@@ -140,8 +144,10 @@ class DriverNumbers(NamedTuple):
     microsleep_rate: float
     microsleep_least: float
     microsleep_most: float
-    calm_road: float
+    calm_curve: float
+    calm_change: float
     wake_beyond: float
+    startle: float
     understeer: float  # K_u / L
     wheelbase: float
     noise_scale: Array  # (16,) disturbance in m/s² per metre of SDLP at 0, 4, … 60 m/s
@@ -169,8 +175,10 @@ def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
         microsleep_rate=driver.microsleep_per_min / 60.0,
         microsleep_least=driver.microsleep_least_s,
         microsleep_most=driver.microsleep_most_s,
-        calm_road=driver.calm_road_mps2,
+        calm_curve=driver.calm_curve_mps2,
+        calm_change=driver.calm_change_mps2,
         wake_beyond=driver.wake_beyond_border_m,
+        startle=driver.startle_s,
         understeer=vehicle.understeer / vehicle.wheelbase_m,
         wheelbase=vehicle.wheelbase_m,
         noise_scale=np.array(scale),

@@ -108,11 +108,11 @@ def restart(mind, traits, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def attend(mind, traits, i, d, d_front, half_lane, steer, road_mps2, alerted, c):  # type: ignore[no-untyped-def]
+def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # type: ignore[no-untyped-def]
     """Once a step: the disturbance goes on; episodes begin and end; a lane change ends.
 
-    d and d_front are the offsets of centre of gravity and front axle, road_mps2 the curve's lateral
-    acceleration. Returns the disturbance at the end of the step (standard normal).
+    d and d_front are the offsets of centre of gravity and front axle; calm: the road allows an episode to
+    begin. Returns the disturbance at the end of the step (standard normal).
     """
     if math.isnan(mind.until_glance_s[i]):
         mind.until_glance_s[i] = draw_waiting(mind, traits, i, c.glance_rate)
@@ -128,8 +128,10 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, road_mps2, alerted, c)
     mind.until_microsleep_s[i] -= STEP_S
     if mind.episode_left_s[i] > 0.0:
         beyond = abs(d_front) + traits.half_span_m[i] - half_lane
-        if alerted or beyond > c.wake_beyond:
+        if alerted:
             mind.episode_left_s[i] = min(mind.episode_left_s[i], traits.reaction_s[i])
+        if beyond > c.wake_beyond:
+            mind.episode_left_s[i] = min(mind.episode_left_s[i], c.startle)
         mind.episode_left_s[i] -= STEP_S
         if mind.episode_left_s[i] <= 0.0:
             mind.episode_left_s[i] = 0.0
@@ -144,7 +146,7 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, road_mps2, alerted, c)
             if mind.cause[i] < 3:
                 mind.cause[i] = 0
 
-    if mind.episode_left_s[i] == 0.0 and mind.cause[i] == 0 and not changing and road_mps2 < c.calm_road:
+    if mind.episode_left_s[i] == 0.0 and mind.cause[i] == 0 and not changing and calm:
         length = 0.0
         if mind.until_microsleep_s[i] <= 0.0:
             mind.until_microsleep_s[i] = draw_waiting(mind, traits, i, c.microsleep_rate)

@@ -58,7 +58,6 @@ class Motion(NamedTuple):
     lane: Array  # (n,) int32, SUMO's
     path: Array  # (n,) int32
     station_m: Array  # (n,)
-    station_lead_m: Array  # (n,) ahead of SUMO's place; from path changes, fades away
     along_mps: Array  # (n,) speed of the foot on the path
     offset_m: Array  # (n,) d
     heading_rad: Array  # (n,) e
@@ -77,6 +76,7 @@ class Drive(NamedTuple):
     curvature_after_1pm: Array
     preview_before_1pm: Array  # (n,) where the driver looks
     preview_after_1pm: Array
+    curvature_sight_1pm: Array  # (n,) as far as the driver minds, SIGHT_S
     half_lane_m: Array  # (n,)
     alerted: Array  # (n,) bool
 

@@ -108,10 +108,15 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         # SUMO's displacement is not the mean speed times the step (Euler): keep both exactly
         stretch = drive.distance_m[i] / (STEP_S * v_mean) if v_mean > 0.01 else 1.0
 
+        square = v_new * v_new
+        calm = (
+            abs(k_new) * square < c.calm_curve
+            and abs(drive.curvature_sight_1pm[i] - k_new) * square < c.calm_change
+        )
+        front = x[0] + p.l_f * math.sin(x[1])
         noise_new = attend(
-            mind, traits, i, x[0], x[0] + p.l_f * math.sin(x[1]), drive.half_lane_m[i], steer,
-            abs(k_old) * v_old * v_old, drive.alerted[i], c,
-        )  # fmt: skip
+            mind, traits, i, x[0], front, drive.half_lane_m[i], steer, calm, drive.alerted[i], c
+        )
         noise_old = mind.noise[i]
         mind.noise[i] = noise_new
         frozen = mind.episode_left_s[i] > 0.0

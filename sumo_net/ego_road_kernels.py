@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from sumo_net.compile import kernel
-from sumo_net.driver_kernels import STEP_S, restart, shift_line
+from sumo_net.driver_kernels import STEP_S, reference, restart, shift_line
 from sumo_net.ego_kernels import forward_speed
 from sumo_net.frames import wrap_angle
 from sumo_net.road_kernels import containing_lanes, pose_at, project, segment_at, station_of
@@ -16,14 +16,18 @@ from sumo_net.road_table import OWN_RIGHT
 
 LANE_CHANGE_M = 1.5  # a path that lies so far beside the last one is SUMO's lane change
 JUMP_M = 5.0  # a vehicle found so far from where it should be was moved: it begins anew
-LEAD_TIME_S = 1.0  # a difference to SUMO's place along the road fades so
+SIGHT_S = 3.0  # drivers look away, or doze off, only where the road is calm so far ahead
+CLOSE_UP_S = 3.0  # time constant in which a difference to SUMO's place along the road fades
 _MOST_HEADING_RAD = 1.2
 
 
 @kernel
 def stretch_of(table, path):  # type: ignore[no-untyped-def]
-    """Metres along the path per metre that SUMO counts on the path's own lane."""
-    return (table.own_end_m[path] - table.own_start_m[path]) / table.own_length_m[path]
+    """Metres along the path per metre that SUMO counts on the path's own lane; 1 on lanes too short to say."""
+    if table.own_length_m[path] < 5.0:
+        return 1.0
+    stretch = (table.own_end_m[path] - table.own_start_m[path]) / table.own_length_m[path]
+    return min(max(stretch, 0.8), 1.25)
 
 
 @kernel
@@ -36,7 +40,7 @@ def settle(motion, mind, traits, i, table, station, along, c, p):  # type: ignor
     yaw_rate = curvature * v
     # steady state of the corrected eq. (11): the rear tyres' force balances m l_f γ v / L
     v_y = p.l_r * yaw_rate - p.m * p.l_f * yaw_rate * v * v / (p.k_r * (p.l_f + p.l_r))
-    motion.station_m[i], motion.station_lead_m[i], motion.along_mps[i] = station, 0.0, along
+    motion.station_m[i], motion.along_mps[i] = station, along
     motion.offset_m[i] = traits.offset_m[i]
     motion.lateral_speed_mps[i], motion.yaw_rate_rps[i] = v_y, yaw_rate
     motion.heading_rad[i] = -math.atan2(v_y, v)
@@ -60,52 +64,55 @@ def onto_paths(motion, mind, traits, table, changed, new_path, lane_position, sp
             continue
         if old == path:
             continue
-        x, y, heading, _ = pose_at(table, old, motion.station_m[i])
+        x, y, heading, curvature = pose_at(table, old, motion.station_m[i])
         d = motion.offset_m[i]
         x, y = x - d * math.sin(heading), y + d * math.cos(heading)
         heading += motion.heading_rad[i]
         s, d_new = project(table, path, x, y, before)
-        line = traits.offset_m[i]
-        _, _, path_heading, _ = pose_at(table, path, s)
+        _, _, path_heading, new_curvature = pose_at(table, path, s)
         e = float(wrap_angle(heading - path_heading))
-        if not (abs(s - before) < JUMP_M and abs(d_new - line) < 3.0 * JUMP_M and abs(e) < _MOST_HEADING_RAD):
+        if not (abs(s - before) < JUMP_M and abs(d_new) < 3.0 * JUMP_M and abs(e) < _MOST_HEADING_RAD):
             settle(motion, mind, traits, i, table, before, along, c, p)
             continue
-        motion.station_m[i], motion.station_lead_m[i] = s, s - before
-        motion.offset_m[i], motion.heading_rad[i] = d_new, e
+        motion.station_m[i], motion.offset_m[i], motion.heading_rad[i] = s, d_new, e
         # the speed over ground stays: a foot on an inner lane moves slower
+        motion.along_mps[i] *= (1.0 - d * curvature) / max(1.0 - d_new * new_curvature, 0.1)
         shift_line(mind, traits, i, d_new - d, abs(d_new - d) > LANE_CHANGE_M)
 
 
 @kernel
 def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper, c, p):  # type: ignore[no-untyped-def]
     """Fill `drive` for the step to SUMO's new places and move the stations there."""
-    fade = math.exp(-STEP_S / LEAD_TIME_S)
+    fade = STEP_S / CLOSE_UP_S
     for i in range(len(lane_position)):
         path = motion.path[i]
         along = stretch_of(table, path) * speed[i]
         place = station_of(table, path, lane_position[i]) - bumper
-        station = place + fade * motion.station_lead_m[i]
-        distance = station - motion.station_m[i]
-        expected = 0.5 * STEP_S * (along + motion.along_mps[i])
-        lost = abs(motion.offset_m[i] - mind.change_from_m[i]) > JUMP_M + abs(
-            mind.change_from_m[i] - traits.offset_m[i]
-        )
-        if not abs(distance - expected) < JUMP_M or lost or abs(motion.heading_rad[i]) > _MOST_HEADING_RAD:
+        # The vehicle moves at SUMO's speed (its Euler step) and closes up on SUMO's place slowly: where lanes
+        # join or change, SUMO's lengths and the path's differ by up to a metre, too much for one step.
+        lead = motion.station_m[i] + STEP_S * along - place
+        line, _, _ = reference(mind, traits, i)
+        if not (
+            abs(lead) < JUMP_M
+            and abs(motion.offset_m[i] - line) < 2.0 * JUMP_M
+            and abs(motion.heading_rad[i]) < _MOST_HEADING_RAD
+        ):
             settle(motion, mind, traits, i, table, place - STEP_S * along, along, c, p)
-            station, distance = place, STEP_S * along
+            lead = 0.0
+        lead *= 1.0 - fade * min(1.0, along / c.slow)
+        station = max(place + lead, motion.station_m[i])
         before, after = motion.station_m[i], station
         preview = c.preview
         _, _, _, drive.curvature_before_1pm[i] = pose_at(table, path, before)
         _, _, _, drive.curvature_after_1pm[i] = pose_at(table, path, after)
         _, _, _, drive.preview_before_1pm[i] = pose_at(table, path, before + preview * motion.along_mps[i])
         _, _, _, drive.preview_after_1pm[i] = pose_at(table, path, after + preview * along)
+        _, _, _, drive.curvature_sight_1pm[i] = pose_at(table, path, after + SIGHT_S * along)
         g = segment_at(table, path, after)
         width = table.border_offset_m[g, OWN_RIGHT + 1] - table.border_offset_m[g, OWN_RIGHT]
         drive.half_lane_m[i] = 0.5 * width if math.isfinite(width) else 1.6
-        drive.distance_m[i] = max(distance, 0.0)
+        drive.distance_m[i] = after - before
         drive.speed_before_mps[i], drive.speed_after_mps[i] = motion.along_mps[i], along
-        motion.station_lead_m[i] = station - place
         motion.station_m[i] = station
 
 
