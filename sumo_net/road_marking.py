@@ -6,7 +6,7 @@ solid line. Inside junctions nothing is painted, except where a node only joins 
 lane. The middle of an undivided road is dashed with one lane a direction, solid otherwise.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from sumo_net.lane_graph import Connection, Edge, Lane, LaneGraph
 from sumo_net.road_table import DASHED, MAX_BORDERS, NO_MARKING, OWN_RIGHT, SOLID, Array
 
 _JUNCTION_M = 6.0  # asphalt to either side of a path through a junction, at least
+_KNOT_M = 20.0
+_ENDS = np.array([0.0, 1.0])
 _TOUCH_M = 0.6  # opposite directions this close share their middle line
 
 
@@ -25,8 +27,8 @@ class Section:
     border_kind: Array  # (MAX_BORDERS,) int8
     road_right_m: float
     road_left_m: float
-    anchor_m: float  # edge-anchored station of the lane's start
-    length_m: float  # edge-anchored length
+    fraction: Array  # (knots,) of the lane's length, 0 to 1
+    edge_station_m: Array  # (knots,) edge-anchored: along the edge's rightmost lane, nodes that join counted
 
 
 class Markings:
@@ -85,7 +87,8 @@ class Markings:
         first = self.graph.edges[edge].lanes[0]
         for connection in self.graph.onward.get(first, []):
             if connection.direction != "t" and connection.via:
-                return self.graph.lanes[connection.via].length_m
+                # Not SUMO's length, which is never under 0.1 m.
+                return float(np.hypot(*np.diff(self.graph.lanes[connection.via].shape, axis=0).T).sum())
         return 0.0
 
     def _anchor(self, edge: str) -> float:
@@ -121,19 +124,13 @@ class Markings:
         inward = self.graph.inward.get(lane.id, [])
         if inward and not self.graph.edges[source].internal and self.joins(source):
             before = self.section(inward[0].source)
-            return Section(
-                before.border_offset_m,
-                before.border_kind,
-                before.road_right_m,
-                before.road_left_m,
-                before.anchor_m + before.length_m,
-                self._via_length(source) or lane.length_m,
-            )
+            length = self._via_length(source)
+            return replace(before, fraction=_ENDS, edge_station_m=before.edge_station_m[-1] + _ENDS * length)
         offset = np.full(MAX_BORDERS, np.nan)
         offset[OWN_RIGHT], offset[OWN_RIGHT + 1] = -lane.width_m / 2.0, lane.width_m / 2.0
         kind = np.full(MAX_BORDERS, NO_MARKING, np.int8)
         reach = max(_JUNCTION_M, lane.width_m)
-        return Section(offset, kind, -reach, reach, 0.0, lane.length_m)
+        return Section(offset, kind, -reach, reach, _ENDS, _ENDS * lane.length_m)
 
     def _edge(self, lane: Lane) -> Section:
         graph, edge = self.graph, self.graph.edges[lane.edge]
@@ -146,10 +143,12 @@ class Markings:
         slot, edge_of_asphalt = OWN_RIGHT, -half
         _put(offset, kind, slot, -half, SOLID)
         for other in reversed(lanes[:at]):
-            if other.drivable and kind[slot] == SOLID and abs(edge_of_asphalt - offset[slot]) < 1e-9 and slot:
+            touching = abs(edge_of_asphalt - offset[slot]) < 1e-9
+            if other.drivable and touching:
                 kind[slot] = DASHED
-                slot -= 1
-                _put(offset, kind, slot, edge_of_asphalt - other.width_m, SOLID)
+                if slot > 0:
+                    slot -= 1
+                    _put(offset, kind, slot, edge_of_asphalt - other.width_m, SOLID)
             if not other.walkable_only:
                 edge_of_asphalt -= other.width_m
         right = edge_of_asphalt - self.shoulder_right_m
@@ -158,16 +157,18 @@ class Markings:
         _put(offset, kind, slot, half, SOLID)
         for other in lanes[at + 1 :]:
             touching = abs(edge_of_asphalt - offset[slot]) < 1e-9
-            if other.drivable and touching and slot + 1 < MAX_BORDERS:
+            if other.drivable and touching:
                 kind[slot] = DASHED
-                slot += 1
-                _put(offset, kind, slot, edge_of_asphalt + other.width_m, SOLID)
+                if slot + 1 < MAX_BORDERS:
+                    slot += 1
+                    _put(offset, kind, slot, edge_of_asphalt + other.width_m, SOLID)
             if not other.walkable_only:
                 edge_of_asphalt += other.width_m
         if abs(edge_of_asphalt - offset[slot]) < 1e-9:
             edge_of_asphalt = self._add_opposite(edge, offset, kind, slot, edge_of_asphalt)
         left = edge_of_asphalt + self.shoulder_left_m
-        return Section(offset, kind, right, left, self._anchor(edge.id), lane.length_m)
+        fraction, station = _along_reference(lane, lanes[0])
+        return Section(offset, kind, right, left, fraction, self._anchor(edge.id) + station)
 
     def _add_opposite(self, edge: Edge, offset: Array, kind: Array, slot: int, reach: float) -> float:
         # Lanes of the other direction beyond the middle line; returns how far the asphalt goes.
@@ -205,6 +206,26 @@ class Markings:
 
 def _straight(graph: LaneGraph, lane: str) -> list[Connection]:
     return [c for c in graph.inward.get(lane, []) if c.direction != "t"]
+
+
+def _along_reference(lane: Lane, reference: Lane) -> tuple[Array, Array]:
+    # Stations on the edge's rightmost lane abreast of points about every 20 m of a lane: along a curve the
+    # lanes differ in length, but the dashes between them are one.
+    at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(lane.shape, axis=0).T))])
+    fraction = np.linspace(0.0, 1.0, max(int(at[-1] / _KNOT_M), 1) + 1)
+    points = np.column_stack([np.interp(fraction * at[-1], at, lane.shape[:, k]) for k in (0, 1)])
+    a, d = reference.shape[:-1], np.diff(reference.shape, axis=0)
+    length = np.maximum(np.hypot(d[:, 0], d[:, 1]), 1e-9)
+    start = np.concatenate([[0.0], np.cumsum(length)])
+    away = points[:, None] - a
+    t = (away * d).sum(2) / length**2
+    low, high = np.zeros(len(a)), np.ones(len(a))
+    low[0], high[-1] = -np.inf, np.inf  # the ends of an edge may be cut askew
+    t = np.clip(t, low, high)
+    nearest = np.argmin(np.hypot(*(away - t[:, :, None] * d).transpose(2, 0, 1)), axis=1)
+    rows = np.arange(len(points))
+    station = np.maximum.accumulate(start[nearest] + t[rows, nearest] * length[nearest])
+    return fraction, station * (reference.length_m / start[-1])
 
 
 def _put(offset: Array, kind: Array, slot: int, at_m: float, what: int) -> None:

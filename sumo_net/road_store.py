@@ -59,20 +59,27 @@ class RoadStore:
         own_length_m: float,
     ) -> int:
         """Add a path through lane pieces with these sections; `own` is the path's own lane among them."""
+        knots = [_knots(piece, section) for piece, section in zip(pieces, sections, strict=True)]
+        rows = sum(len(fraction) - 1 for fraction, _ in knots)
+        self._grow("segment", _SEGMENT, rows)
         self._grow("sample", _SAMPLE, len(smooth.x_m))
-        self._grow("segment", _SEGMENT, len(sections))
         self._grow("path", _PATH, 1)
         path, first, segment = (self._used[kind] for kind in ("path", "sample", "segment"))
         for name in _SAMPLE:
             self._arrays[name][first : first + len(smooth.x_m)] = getattr(smooth, name)
+        row = segment
         for k, (piece, section) in enumerate(zip(pieces, sections, strict=True)):
+            fraction, edge_station = knots[k]
             start, end = smooth.lane_start_m[k], smooth.lane_end_m[k]
-            length = (piece.end - piece.begin) * section.length_m
-            self._put("segment_start_m", segment + k, start)
-            self._put("anchor_m", segment + k, section.anchor_m + piece.begin * section.length_m)
-            self._put("stretch", segment + k, length / (end - start) if end - start > 0.05 else 1.0)
+            station = start + (end - start) * (fraction - piece.begin) / (piece.end - piece.begin)
+            part = slice(row, row + len(station) - 1)
+            length = np.diff(station)
+            self._put("segment_start_m", part, station[:-1])
+            self._put("anchor_m", part, edge_station[:-1])
+            self._put("stretch", part, np.where(length > 0.05, np.diff(edge_station) / np.maximum(length, 0.05), 1.0))
             for name in ("border_offset_m", "border_kind", "road_right_m", "road_left_m"):
-                self._put(name, segment + k, getattr(section, name))
+                self._put(name, part, getattr(section, name))
+            row = part.stop
         self._put("first_sample", path, first)
         self._put("samples", path, len(smooth.x_m))
         self._put("spacing_m", path, smooth.spacing_m)
@@ -80,13 +87,13 @@ class RoadStore:
         self._put("own_end_m", path, smooth.lane_end_m[own])
         self._put("own_length_m", path, own_length_m)
         self._put("first_segment", path, segment)
-        self._put("segments", path, len(sections))
-        for kind, more in (("path", 1), ("sample", len(smooth.x_m)), ("segment", len(sections))):
+        self._put("segments", path, rows)
+        for kind, more in (("path", 1), ("sample", len(smooth.x_m)), ("segment", rows)):
             self._used[kind] += more
         self.table = RoadTable(**self._arrays)
         return path
 
-    def _put(self, name: str, row: int, value: Any) -> None:
+    def _put(self, name: str, row: int | slice, value: Any) -> None:
         self._arrays[name][row] = value
 
     def _grow(self, kind: str, names: tuple[str, ...], more: int) -> None:
@@ -97,3 +104,10 @@ class RoadStore:
                 larger = np.zeros((max(needed, 2 * len(array)), *array.shape[1:]), array.dtype)
                 larger[: len(array)] = array
                 self._arrays[name] = larger
+
+
+def _knots(piece: Piece, section: Section) -> tuple[Array, Array]:
+    # (fractions of the lane, edge-anchored stations) that bound the segments of a piece of it.
+    inside = section.fraction[(section.fraction > piece.begin) & (section.fraction < piece.end)]
+    fraction = np.concatenate([[piece.begin], inside, [piece.end]])
+    return fraction, np.interp(fraction, section.fraction, section.edge_station_m)

@@ -51,7 +51,7 @@ class RoadAhead(NamedTuple):
 
 
 class RoadTable(NamedTuple):
-    """All paths: samples at a uniform spacing, and segments (one a lane) that say how the road is marked.
+    """All paths: samples at a uniform spacing, and segments (20 m or less) that say how the road is marked.
 
     Arrays may be longer than what is used. A table that was taken stays valid for the paths it knew.
     """
