@@ -19,7 +19,6 @@ from sumo_net.compile import kernel
 from sumo_net.randomness import bits, uniform
 
 FRAME_SHIFT = 32  # a frame has 2**32 counters, half of them for each border
-DRAWS_PER_INDIVIDUAL = 5  # selection, crossover, its points, mutation, its bit
 
 
 @kernel
@@ -82,39 +81,40 @@ def crossover_points(word, length):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def roulette_wheel(fitness, wheel):  # type: ignore[no-untyped-def]
-    """Cumulative weights (eq. 7), padded with infinity to the length of `wheel`; returns their sum.
+def roulette_weights(fitness, weights):  # type: ignore[no-untyped-def]
+    """Weights of eq. 7, scaled to a greatest of 2**32.
 
     A weight is the fitness itself; if any is negative, all are shifted by the lowest. A candidate without
-    blocks has none. Should all be 0, all weigh 1.
+    blocks has none. Should all be 0, all weigh alike.
     """
-    size = fitness.shape[0]
-    lowest = 0.0
-    for i in range(size):
+    lowest, highest = 0.0, -np.inf
+    for i in range(fitness.shape[0]):
         if fitness[i] > NO_SCORE:
             lowest = min(lowest, fitness[i])
-    total = 0.0
-    for i in range(size):
-        if fitness[i] > NO_SCORE:
-            total += fitness[i] - lowest
-        wheel[i] = total
-    if total <= 0.0:
-        for i in range(size):
-            wheel[i] = i + 1.0
-        total = np.float64(size)
-    wheel[size:] = np.inf
-    return total
+            highest = max(highest, fitness[i])
+    for i in range(fitness.shape[0]):
+        if highest <= lowest:
+            weights[i] = 4294967296.0
+        elif fitness[i] > NO_SCORE:
+            weights[i] = (fitness[i] - lowest) / (highest - lowest) * 4294967296.0
+        else:
+            weights[i] = 0.0
 
 
 @kernel
-def spin(wheel, draw):  # type: ignore[no-untyped-def]
-    """The first index whose cumulative weight exceeds `draw`; len(wheel) is a power of two."""
-    step = wheel.shape[0] // 2
-    index = 0
-    while step > 0:
-        index += step * (wheel[index + step - 1] <= draw)
-        step //= 2
-    return index
+def spin(weights, key, counter):  # type: ignore[no-untyped-def]
+    """(index chosen with the probability of eq. 7, next counter).
+
+    Places are drawn evenly and kept with the probability weight / greatest weight, which gives the roulette
+    wheel's probabilities without adding up the weights.
+    """
+    size = np.uint64(weights.shape[0])
+    while True:
+        word = bits(key, counter)
+        counter += np.uint64(1)
+        index = np.int64(((word >> np.uint64(32)) * size) >> np.uint64(32))
+        if np.float64(word & np.uint64(0xFFFFFFFF)) < weights[index]:
+            return index, counter
 
 
 @kernel
@@ -132,10 +132,7 @@ def evolve(maps, roads, sign, low, high, widths, generations, key, counter, numb
     fitness = np.empty(size)
     inherited = np.empty(size)
     border = np.empty(3)
-    padded = 2
-    while padded < size + 1:
-        padded *= 2
-    wheel = np.empty(padded)
+    weights = np.empty(size)
     draw = np.uint64(counter)
     for i in range(size):
         population[i] = bits(key, draw + np.uint64(i)) >> np.uint64(64 - length)
@@ -163,14 +160,13 @@ def evolve(maps, roads, sign, low, high, widths, generations, key, counter, numb
         if generation == generations:
             break
         # selection, eq. 7; place 0 keeps the best individual out of the operators' reach
-        total = roulette_wheel(fitness, wheel)
+        roulette_weights(fitness, weights)
         children[0] = population[elite]
         inherited[0] = fitness[elite]
         for i in range(1, size):
-            chosen = min(spin(wheel, uniform(key, draw + np.uint64(i)) * total), size - 1)
+            chosen, draw = spin(weights, key, draw)
             children[i] = population[chosen]
             inherited[i] = fitness[chosen]
-        draw += np.uint64(size)
         population[:] = children
         # crossover of an individual with the next one
         for i in range(1, size - 1):
@@ -244,7 +240,7 @@ def search_kernel(frames, state, numbers, after):  # type: ignore[no-untyped-def
     `state` and `after` are SearchStates; `after` is filled. A lane of width w in the image (in a, b and c
     alike) has its left neighbour's left border at left - w, as both scale with the height of the camera only.
     """
-    maps = np.zeros((3, BLOCKS, frames.shape[2]), np.float32)
+    maps = np.zeros((3, BLOCKS, frames.shape[2]), np.int32)
     history = np.empty(0)
     last = np.empty((2, 3))
     for v in range(frames.shape[0]):

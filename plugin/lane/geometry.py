@@ -40,7 +40,8 @@ class Plausibility:
     def _ordered(self) -> Self:
         if self.greatest_width_m <= self.least_width_m:
             raise ValueError(
-                f"greatest_width_m = {self.greatest_width_m}: must be above least_width_m = {self.least_width_m}"
+                f"greatest_width_m = {self.greatest_width_m}: "
+                f"must be above least_width_m = {self.least_width_m}"
             )
         return self
 
@@ -85,11 +86,18 @@ def lane_estimate_from_borders(
     """
     n = len(borders.score)
     out = LaneEstimate(
-        np.empty(n, np.bool_),
-        *(np.empty(n) for _ in range(8)),
-        np.empty(n, np.bool_),
-        np.empty(n, np.bool_),
-        np.array(shifted, np.int8),
+        locked=np.empty(n, np.bool_),
+        score=np.empty(n),
+        lateral_offset_m=np.empty(n),
+        heading_error_rad=np.empty(n),
+        curvature_1pm=np.empty(n),
+        curvature_rate_1pm2=np.empty(n),
+        lane_width_m=np.empty(n),
+        preview_offset_m=np.empty(n),
+        preview_heading_rad=np.empty(n),
+        left_border_seen=np.empty(n, np.bool_),
+        right_border_seen=np.empty(n, np.bool_),
+        lane_shift=np.array(shifted, np.int8),
     )
     lane_estimate_kernel(
         np.ascontiguousarray(borders.left, np.float64),
@@ -117,10 +125,12 @@ def parabolas_from_road(
     The border is left = offset + slope·X + curvature·X²/2 + rate·X³/6 from the centre of gravity, seen as far
     as farthest_m; all (n,). NaN where fewer than three processed rows see it.
     """
-    numbers = (offset_m, slope, curvature_1pm, curvature_rate_1pm2)
     borders = np.empty((len(offset_m), 3))
     parabolas_kernel(
-        *(np.ascontiguousarray(part, np.float64) for part in numbers),
+        np.ascontiguousarray(offset_m, np.float64),
+        np.ascontiguousarray(slope, np.float64),
+        np.ascontiguousarray(curvature_1pm, np.float64),
+        np.ascontiguousarray(curvature_rate_1pm2, np.float64),
         projection(camera),
         np.ascontiguousarray(farthest_m, np.float64),
         WIDTH_PX,

@@ -10,7 +10,7 @@ from sumo_net.compile import kernel
 
 @kernel
 def solve(A, b, n):  # type: ignore[no-untyped-def]
-    """Solve the leading n×n of A·x = b for symmetric positive definite A, in place (x in b); False if it is not.
+    """Solve the leading n×n of A·x = b in place (x in b); False unless A is positive definite.
 
     Cholesky; only A's lower triangle is read.
     """
@@ -38,11 +38,12 @@ def solve(A, b, n):  # type: ignore[no-untyped-def]
 
 @kernel
 def road_of_borders(left, right, camera, farthest, columns, spacing, A, road):  # type: ignore[no-untyped-def]
-    """Fit both borders at once by left = X₀ + e·X + K·X²/2; road = (X₀ left, X₀ right, e, K). False if unseen.
+    """Fit both borders at once by left = X₀ + e·X + K·X²/2; road = (X₀ left, X₀ right, e, K).
 
     left, right (3,) a, b, c. Every third of the processed rows gives a point where the border is inside the
     image and not farther than `farthest`; its weight is that of one pixel of error, (focal/depth)². A (4, 4)
-    is scratch. Lengths are scaled by `spacing` within, which keeps the equations well conditioned.
+    is scratch. Lengths are scaled by `spacing` within, which keeps the equations well conditioned. Returns
+    False where a border is not seen.
     """
     A[:] = 0.0
     road[:] = 0.0

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX
-from plugin.lane.objective_kernels import BLOCK_PX, BLOCKS, objective_kernel
+from plugin.lane.objective_kernels import BLOCK_PX, BLOCKS, UNIT, objective_kernel
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
@@ -60,22 +60,22 @@ class Objective:
 class ObjectiveNumbers(NamedTuple):
     """The objective function as kernels take it."""
 
-    stencils: Array  # (2, 3, 3, 3) float32: border (left, right), slope class, row from the top, column
+    stencils: Array  # (2, 3, 3, 3) int32: border (left, right), slope class, row from the top, column
     alpha: Array  # (3,) per slope class
     region: tuple[int, int, int]  # road_left_px, road_right_px, road_rows
     minimum_blocks: int
 
 
 def stencils() -> Array:
-    """(2, 3, 3, 3) float32: α/9 + Σ βⱼ·partsⱼ/3 per border and slope class; the right mirrors the left."""
+    """(2, 3, 3, 3) int32, in 1/90: α/9 + Σ βⱼ·partsⱼ/3 per border (the right mirrors the left) and class."""
     left = np.stack(
         [
-            alpha / 9.0
+            alpha / 9
             + (beta * np.array(PARTS_1) + beta_3 * np.array(PARTS_3) + beta_4 * np.array(PARTS_4)) / 3
             for alpha, beta, beta_3, beta_4 in zip(ALPHA, BETA_DIAGONAL, BETA_3, BETA_4, strict=True)
         ]
     )
-    return np.ascontiguousarray(np.stack([left, left[:, :, ::-1]]), np.float32)
+    return np.ascontiguousarray(np.rint(UNIT * np.stack([left, left[:, :, ::-1]])), np.int32)
 
 
 def objective_numbers(objective: Objective) -> ObjectiveNumbers:

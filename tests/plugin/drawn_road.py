@@ -40,7 +40,7 @@ def draw(
     noise=2.0,
     seed=0,
 ):
-    """(240, 320) uint8: markings centred on left = X₀ + slope·X + curvature·X²/2, dashed where dash_m is set."""
+    """(240, 320) uint8: markings centred on left = X₀ + slope·X + curvature·X²/2; dashed if dash_m is."""
     forward, left = ground_of_pixels(camera or Camera())
     grey = np.where(np.isnan(forward), sky, road)
     for border in borders_m:
