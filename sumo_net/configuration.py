@@ -98,8 +98,11 @@ def prepare_configuration(source: Path, directory: Path, overrides: Mapping[str,
         ET.SubElement(root, name, value=value)
     ET.indent(root)
     ET.ElementTree(root).write(file, encoding="UTF-8", xml_declaration=True)
-    begin = options.get("begin", "0")
-    return Configuration(file, Path(options["net-file"]), seconds(begin), tuple(notes))
+    try:
+        begin = seconds(options.get("begin", "0"))
+    except ValueError:
+        raise SettingsError(f"{source}: begin = '{options['begin']}': is not a time") from None
+    return Configuration(file, Path(options["net-file"]), begin, tuple(notes))
 
 
 def read_configuration(source: Path, directory: Path) -> dict[str, str]:

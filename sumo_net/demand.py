@@ -138,7 +138,7 @@ def write_network_demand(demand: Demand, net_file: Path, end_s: float, seed: int
         some = draw.choice(len(edges), size=min(12, len(edges)), replace=False)
         sources = sources or [edges[i] for i in some]
         sinks = sinks or [edges[i] for i in some[::-1]]
-    lines = _types(demand, 1)
+    lines, number = _types(demand, 1), 0
     for source in sources:
         reached = _reachable(source)
         ends = [edge for edge in sinks if edge.getID() in reached and edge is not source]
@@ -146,9 +146,9 @@ def write_network_demand(demand: Demand, net_file: Path, end_s: float, seed: int
             ends = [source]  # an edge that stands alone
         vph = demand.flow_per_lane_vph * source.getLaneNumber() / max(len(ends), 1)
         for sink in ends if vph > 0 else []:
-            name = quoteattr(f"{source.getID()}>{sink.getID()}")
+            number += 1
             lines.append(
-                f"<flow id={name} type={quoteattr(_lane_type(0))} from={quoteattr(source.getID())}"
+                f'<flow id="flow_{number}" type="{_lane_type(0)}" from={quoteattr(source.getID())}'
                 f' to={quoteattr(sink.getID())} begin="0" end="{end_s:.1f}"'
                 f' period="exp({vph / 3600.0:.6f})" departLane="free" departSpeed="desired"/>'
             )

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import difflib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -87,9 +88,9 @@ def scenario_mapping(source: str) -> tuple[dict[str, Any], Path]:
     if path.suffix != ".toml":
         files = scenario_files()
         if source not in files:
-            raise SettingsError(
-                f"no scenario '{source}': built in are {', '.join(files)}; or name a .toml or a .sumocfg file"
-            )
+            near = difflib.get_close_matches(source, files, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"built in are {', '.join(files)}"
+            raise SettingsError(f"no scenario '{source}': {hint} (or name a .toml or a .sumocfg file)")
         path = files[source]
     mapping = read_toml(path)
     for key in ("configuration", "net_file"):

@@ -406,7 +406,11 @@ def _start_libsumo(arguments: Sequence[str]) -> Any:
 
     if libsumo.isLoaded():
         raise TrafficError("a simulation is already running in this process: close it, or attach to it")
-    libsumo.start(["sumo", *arguments])
+    try:
+        libsumo.start(["sumo", *arguments])
+    except BaseException:
+        libsumo.close()  # a start that failed late stays loaded
+        raise
     return libsumo
 
 

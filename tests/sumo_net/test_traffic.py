@@ -41,7 +41,7 @@ def road(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def arguments(road: Path, net: str = "right", step: str = "0.1", routes: str = "routes.rou.xml") -> list[str]:
-    words = f"-n {road / net}.net.xml -r {road / routes} --step-length {step} --no-step-log true"
+    words = f"-n {road / net}.net.xml --route-files {road / routes} --step-length {step} --no-step-log true"
     return [*words.split(), "--no-warnings", "true"]
 
 
@@ -260,13 +260,17 @@ def test_attach_to_the_users_libsumo_and_leave_it_running(road: Path) -> None:
         (["--step-length", "1"], "step length is 1 s, needed is 0.1 s: add --step-length 0.1"),
         (["--lateral-resolution", "0.5"], "add --lateral-resolution -1"),
         (["--lanechange.duration", "3"], "add --lanechange.duration 0"),
-        (["--begin", "x"], "x"),
+        (["--begin", "soon"], "soon"),
+        (["--route-files", "late.rou.xml"], "vehicle type 'none'"),
         (["--nonsense", "1"], "No option with the name 'nonsense'"),
         (["--additional-files", "nowhere.add.xml"], "'nowhere.add.xml' is not accessible"),
     ],
 )
 def test_a_start_that_cannot_work_says_why_in_one_line(road: Path, options: list[str], words: str) -> None:
     given = arguments(road)
+    late = '<routes><vehicle id="v" type="none" depart="0"><route edges="ab"/></vehicle></routes>'
+    (road / "late.rou.xml").write_text(late)
+    options = [str(road / word) if word == "late.rou.xml" else word for word in options]
     if options[0] in given:
         at = given.index(options[0])
         given[at : at + 2] = []
