@@ -27,7 +27,7 @@ def distance_km(steps: pd.DataFrame) -> float:
 def category(steps: pd.DataFrame) -> pd.Series:
     """One of CATEGORIES for every step, by what the driver truly does and the road's true curvature."""
     cause = steps["true_cause"]
-    curved = steps["true_curvature_1pm"].abs() > CURVE_1PM
+    curved = steps[["true_curvature_1pm", "true_curvature_here_1pm"]].abs().max(axis=1) > CURVE_1PM
     values = np.select(
         [cause.str.startswith("lane_change"), cause.isin(["distraction", "microsleep"]), curved],
         ["lane_change", "distraction", "curve"],
@@ -52,7 +52,7 @@ def lane_accuracy(steps: pd.DataFrame) -> dict[str, float]:
     for name, estimate, truth in (
         ("lateral_offset_rmse_m", "lateral_offset_m", "true_lateral_offset_m"),
         ("heading_rmse_rad", "heading_error_rad", "true_heading_error_rad"),
-        ("curvature_rmse_1pm", "curvature_1pm", "true_preview_curvature_1pm"),
+        ("curvature_rmse_1pm", "curvature_1pm", "true_curvature_1pm"),
         ("lateral_speed_rmse_mps", "lateral_speed_mps", "true_lateral_speed_mps"),
         ("yaw_rate_rmse_rps", "yaw_rate_rps", "true_yaw_rate_rps"),
         ("steer_rmse_rad", "steer_rad", "true_steer_rad"),

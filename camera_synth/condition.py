@@ -105,11 +105,16 @@ _PRESETS: dict[str, dict[str, Any]] = {
 PRESETS = tuple(_PRESETS)
 
 
-def preset(name: str, **changes: Any) -> Condition:
-    """The named condition with some settings changed. Raises ValueError for a name that is not in PRESETS."""
+def preset_settings(name: str) -> dict[str, Any]:
+    """What the named condition sets. Raises ValueError for a name that is not in PRESETS."""
     if name not in _PRESETS:
         raise ValueError(f"condition = {name!r}: known are {', '.join(PRESETS)}")
-    return Condition(**{**_PRESETS[name], **changes})
+    return dict(_PRESETS[name])
+
+
+def preset(name: str, **changes: Any) -> Condition:
+    """The named condition with some settings changed. Raises ValueError for a name that is not in PRESETS."""
+    return Condition(**{**preset_settings(name), **changes})
 
 
 class Looks(NamedTuple):

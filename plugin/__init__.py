@@ -1,1 +1,5 @@
 """What runs in the vehicle: lane detection, observers, trackers, prediction and warnings."""
+
+from plugin.assistance import DriverAssistance
+
+__all__ = ["DriverAssistance"]

@@ -7,11 +7,11 @@ from typing import Any
 
 from pydantic import Field
 
+from sumo_net.driver import CAUSES
 from sumo_net.settings import settings
 
 LEFT, RIGHT = 1, -1
 SIDE_NAMES = {LEFT: "left", RIGHT: "right"}
-CAUSES = ("keeping", "distraction", "microsleep", "lane_change_signalled", "lane_change_unsignalled")
 SIGNALLED = CAUSES.index("lane_change_signalled")
 
 

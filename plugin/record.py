@@ -49,6 +49,11 @@ class Recorder:
                 if "parquet" in formats:
                     self._writers[name].append(_ParquetFile(directory / f"{name}.parquet", schema))
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The tables' names."""
+        return tuple(self._schema)
+
     def append(self, name: str, columns: Mapping[str, Any]) -> None:
         """Add rows to table `name`; `columns` maps column names to equally long arrays.
 

@@ -36,7 +36,9 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("speed_mps", "speed", decimals=3),
         Column("true_lateral_offset_m", "centre of gravity left of the centre of the marked lane it is in"),
         Column("true_heading_error_rad", "vehicle heading minus lane heading, left positive", decimals=6),
-        Column("true_curvature_1pm", "lane curvature at the centre of gravity, left positive", decimals=7),
+        Column(
+            "true_curvature_1pm", "lane curvature at the preview point (33.5 m), left positive", decimals=7
+        ),
         Column("true_lateral_speed_mps", "v_y of the centre of gravity in the vehicle frame", decimals=5),
         Column("true_yaw_rate_rps", "yaw rate", decimals=6),
         Column("true_steer_rad", "front-wheel steer angle", decimals=6),
@@ -58,7 +60,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("lane_score", "0 (nothing seen) to 1"),
         Column("lateral_offset_m", "estimate of true_lateral_offset_m"),
         Column("heading_error_rad", "estimate of true_heading_error_rad", decimals=6),
-        Column("curvature_1pm", "estimate of the lane's curvature at the preview point", decimals=7),
+        Column("curvature_1pm", "estimate of true_curvature_1pm", decimals=7),
         Column("lane_width_m", "estimate of the lane width"),
         Column("lateral_speed_mps", "estimate of v_y", decimals=5),
         Column("yaw_rate_rps", "estimate of the yaw rate", decimals=6),
@@ -73,8 +75,8 @@ TABLES: dict[str, tuple[Column, ...]] = {
             decimals=3,
         ),
         _flag("ldw_active", "a lane-departure warning is given"),
-        _text("ldw_state", "inactive, ready, warning_left, warning_right, suppressed, lane_not_seen"),
-        Column("true_preview_curvature_1pm", "lane curvature at the preview point", decimals=7),
+        _text("ldw_state", "inactive, ready, warning left, warning right, suppressed, lane not seen"),
+        Column("true_curvature_here_1pm", "lane curvature at the centre of gravity", decimals=7),
         _flag("on_marked_road", "truth: the lane has a painted marking on both sides"),
         _flag("recognised", "both borders within 5 px/cosθ on 85 % of the rows where the marking shows"),
         _flag("paper_recognised", "the same for the published search, where it runs beside"),
@@ -109,7 +111,9 @@ TABLES: dict[str, tuple[Column, ...]] = {
         _VEHICLE,
         _text("side", "left or right"),
         Column("crossing_s", "when a front wheel's outer edge met the border", decimals=3),
-        _text("cause", "keeping, distraction, microsleep, lane_change_signalled, lane_change_unsignalled"),
+        _text(
+            "cause", "lane_keeping, distraction, microsleep, lane_change_signalled, lane_change_unsignalled"
+        ),
         Column("lateral_speed_mps", "towards the border, when crossing"),
         Column("speed_mps", "speed when crossing", decimals=3),
         _flag(

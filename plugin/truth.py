@@ -4,14 +4,16 @@ A step's truth lies in its future, so steps wait in a buffer until the look-ahea
 then turns them into rows, for all vehicles at once.
 """
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from plugin.events import CAUSES, LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching
+from plugin.events import LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching
 from plugin.record import Recorder
 from plugin.schema import TABLES
+from sumo_net.driver import CAUSES
 
 Array = np.ndarray[Any, Any]
 
@@ -40,9 +42,17 @@ class Scorer:
         vehicle frame at HORIZONS_S; NaN where nothing was predicted
     """
 
-    def __init__(self, recorder: Recorder, names: dict[int, str], matching: Matching | None = None) -> None:
+    def __init__(
+        self,
+        recorder: Recorder,
+        names: Mapping[int, str],
+        labels: Mapping[str, Sequence[str]] | None = None,
+        matching: Matching | None = None,
+    ) -> None:
+        """`names`: the vehicles' ids by handle. `labels`: texts of columns of codes, -1 for none."""
         self._recorder = recorder
         self._names = names
+        self._labels = labels or {}
         self._book = EventBook(matching or Matching())
         self._steps: list[dict[str, Array]] = []
         self._context: dict[str, Array] | None = None
@@ -164,9 +174,12 @@ class Scorer:
         order = _by_time(rows, new)
         columns: dict[str, Any] = {name: rows[name][order] for name in _STEP_COLUMNS if name in rows}
         columns["vehicle_id"] = self._vehicle_ids(rows["handle"][order])
-        columns["true_cause"] = pa.DictionaryArray.from_arrays(
-            pa.array(rows["cause"][order].astype(np.int32)), pa.array(CAUSES)
-        ).dictionary_decode()
+        columns["true_cause"] = labelled(rows["cause"][order], CAUSES)
+        for name, labels in self._labels.items():
+            columns[name] = labelled(columns[name], labels)
+        for name in ("recognised", "paper_recognised"):
+            if name in columns:
+                columns[name] = pa.array(columns[name] == 1, mask=columns[name] < 0)
         self._recorder.append("steps", columns)
 
     def _write_predictions(self, rows: dict[str, Array], follows: Array, new: Array) -> None:
@@ -235,6 +248,12 @@ class Scorer:
         unique, index = np.unique(handles, return_inverse=True)
         names = pa.array([self._names[handle] for handle in unique.tolist()], type=pa.string())
         return pa.DictionaryArray.from_arrays(pa.array(index.astype(np.int32)), names).dictionary_decode()
+
+
+def labelled(codes: Array, labels: Sequence[str]) -> pa.Array:
+    """The labels of codes (n,), null for -1."""
+    index = pa.array(codes.astype(np.int32), mask=codes < 0)
+    return pa.DictionaryArray.from_arrays(index, pa.array(labels, type=pa.string())).dictionary_decode()
 
 
 def _follows(rows: dict[str, Array]) -> Array:

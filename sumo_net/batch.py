@@ -1,4 +1,4 @@
-"""Batches: NamedTuples of arrays whose first axis is the fleet (or the tracks).
+"""Batches: NamedTuples of arrays whose first axis is the fleet (or the tracks); they may nest.
 
 Numba takes them as one argument, a slice of one is a view, and vehicles come and go by `select` and `join`.
 """
@@ -12,9 +12,10 @@ B = TypeVar("B", bound=tuple[Any, ...])
 
 def select(batch: B, index: Any) -> B:
     """The same batch for the vehicles that `index` (slice, integers or mask) names; a slice gives views."""
-    return type(batch)(*(part[index] for part in batch))
+    return type(batch)(*(select(part, index) if isinstance(part, tuple) else part[index] for part in batch))
 
 
-def join(first: B, second: B) -> B:
+def join(*batches: B) -> B:
     """One batch after the other."""
-    return type(first)(*(np.concatenate(parts) for parts in zip(first, second, strict=True)))
+    parts = zip(*batches, strict=True)
+    return type(batches[0])(*(join(*p) if isinstance(p[0], tuple) else np.concatenate(p) for p in parts))

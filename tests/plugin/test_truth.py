@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plugin.events import CAUSES, in_placement_zone
+from plugin.events import in_placement_zone
 from plugin.record import Recorder
 from plugin.truth import HORIZONS_S, Scorer
 
@@ -132,4 +132,3 @@ def test_placement_zone() -> None:
     assert not in_placement_zone(1.6, 3.0)
     assert in_placement_zone(-0.3, 0.3)
     assert not in_placement_zone(-0.31, 0.3)
-    assert len(CAUSES) == 5

@@ -1,0 +1,161 @@
+"""`sumo-adas evaluate`: accuracy over many seeds, clear and complex, against the stated targets.
+
+The seeds are not those that anything was tuned on (those are below 100). Each run is a process of its own.
+"""
+
+import concurrent.futures
+import multiprocessing
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from analysis.metrics import CATEGORIES, paired_gain, prediction_errors, summary
+from analysis.simulate import simulate
+from plugin.record import read_table
+
+CONDITIONS = ("clear", "complex")
+TABLES = ("steps", "predictions", "warnings", "departures")
+
+
+class Target(NamedTuple):
+    """A bound on one figure of the summary, by condition."""
+
+    figure: str
+    least: bool  # True: the figure must be at least the bound
+    clear: float
+    complex: float
+
+
+TARGETS = (
+    Target("recognition_rate", True, 0.999, 0.98),
+    Target("lateral_offset_rmse_m", False, 0.03, 0.06),
+    Target("heading_rmse_rad", False, 0.002, 0.004),
+    Target("curvature_rmse_1pm", False, 2e-4, 4e-4),
+    Target("tlc_error_median_s", False, 0.1, 0.1),
+    Target("tlc_error_p95_ratio", False, 1.25, 1.25),
+    Target("warned_rate", True, 0.995, 0.995),
+    Target("false_per_100km", False, 1.0, 1.0),
+)
+PREDICTION_RATIO = 1.25
+
+
+def evaluate(
+    out: Path, scenario: str, seeds: Iterable[int], duration_s: float, fraction: float, workers: int
+) -> pd.DataFrame:
+    """Run `scenario` for every seed and condition, print measured against wanted, write `evaluation.csv`.
+
+    Returns that table: condition, figure, measured, wanted, reached.
+    """
+    jobs = [(condition, seed) for condition in CONDITIONS for seed in seeds]
+    context = multiprocessing.get_context("spawn")
+    with (
+        Progress(transient=True) as progress,
+        concurrent.futures.ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool,
+    ):
+        task = progress.add_task("runs", total=len(jobs))
+        futures = [
+            pool.submit(_one, scenario, out / condition / str(seed), seed, duration_s, fraction, condition)
+            for condition, seed in jobs
+        ]
+        for future in concurrent.futures.as_completed(futures):
+            future.result()
+            progress.advance(task)
+    results = []
+    console = Console(highlight=False)
+    for condition in CONDITIONS:
+        tables = {name: _gather(out / condition, name) for name in TABLES}
+        results.append(judge(tables, condition))
+        detail = by_category(tables)
+        detail.to_csv(out / f"predictions_{condition}.csv", index=False)
+        console.print(_print(results[-1], condition))
+        console.print(detail.to_string(index=False, float_format=lambda value: f"{value:.3f}"))
+    table = pd.concat(results, ignore_index=True)
+    table.to_csv(out / "evaluation.csv", index=False)
+    return table
+
+
+def judge(tables: dict[str, pd.DataFrame], condition: str) -> pd.DataFrame:
+    """Every figure of the summary of these runs, and the bound it must keep where there is one."""
+    figures = summary(**tables)
+    figures["tlc_error_p95_ratio"] = figures["tlc_error_p95_s"] / figures["tlc_true_state_error_p95_s"]
+    bounds = {target.figure: target for target in TARGETS}
+    rows = []
+    for name, measured in figures.items():
+        row: dict[str, object] = {"condition": condition, "figure": name, "measured": measured}
+        target = bounds.get(name)
+        if target is not None:
+            wanted = target.clear if condition == "clear" else target.complex
+            row["wanted"] = f"{'≥' if target.least else '≤'} {wanted:g}"
+            row["reached"] = measured >= wanted if target.least else measured <= wanted
+        rows.append(row)
+    for name, ratio in prediction_ratios(tables["predictions"]).items():
+        rows.append(
+            {
+                "condition": condition,
+                "figure": name,
+                "measured": ratio,
+                "wanted": f"≤ {PREDICTION_RATIO}",
+                "reached": ratio <= PREDICTION_RATIO,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def prediction_ratios(predictions: pd.DataFrame) -> dict[str, float]:
+    """Prediction error over that of the same predictor fed with the true state, by horizon."""
+    ratios = {}
+    for row in prediction_errors(predictions).to_dict("records"):
+        for part in ("median", "p95"):
+            ratio = row[f"predicted_{part}_m"] / row[f"true_state_{part}_m"]
+            ratios[f"prediction_{row['horizon_s']:.1f}s_{part}_ratio"] = ratio
+    return ratios
+
+
+def by_category(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Prediction errors by category and horizon, and the paired gain over both baselines with intervals."""
+    steps, predictions = tables["steps"], tables["predictions"]
+    errors = prediction_errors(predictions, steps)
+    for baseline in ("constant_velocity", "constant_radius"):
+        gain = paired_gain(predictions, steps, baseline).rename(
+            columns={name: f"{baseline}_{name}" for name in ("gain_m", "low_m", "high_m")}
+        )
+        errors = errors.merge(gain, on=["category", "horizon_s"], how="left")
+    order = {name: k for k, name in enumerate(("all", *CATEGORIES))}
+    return errors.sort_values(
+        ["category", "horizon_s"], key=lambda column: column.map(order).fillna(column), ignore_index=True
+    )
+
+
+def _one(scenario: str, out: Path, seed: int, duration_s: float, fraction: float, condition: str) -> None:
+    simulate(
+        scenario,
+        out,
+        seed=seed,
+        duration_s=duration_s,
+        fraction=fraction,
+        condition=condition,
+        formats=("parquet",),
+        compare_paper=True,
+        threads=1,
+        quiet=True,
+    )
+
+
+def _gather(directory: Path, name: str) -> pd.DataFrame:
+    return pd.concat([read_table(run, name) for run in sorted(directory.iterdir())], ignore_index=True)
+
+
+def _print(results: pd.DataFrame, condition: str) -> Table:
+    table = Table(title=condition, title_justify="left", box=None)
+    for heading in ("figure", "measured", "wanted", ""):
+        table.add_column(heading, justify="right" if heading == "measured" else "left")
+    for row in results.to_dict("records"):
+        wanted = row["wanted"] if isinstance(row["wanted"], str) else ""
+        mark = {True: "reached", False: "NOT REACHED"}[bool(row["reached"])] if wanted else ""
+        table.add_row(str(row["figure"]), f"{row['measured']:.5g}", wanted, mark)
+    return table

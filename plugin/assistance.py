@@ -1,0 +1,312 @@
+"""The 0.1 s step of every equipped vehicle: sense -> estimate -> predict -> warn -> record."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from camera_synth.render import Pose
+from plugin.configuration import Configuration, configuration_from
+from plugin.ground_truth import curvature_ahead, margins, true_motion
+from plugin.motion import observer, prediction
+from plugin.motion.estimate import MotionEstimate, Trajectory
+from plugin.record import Recorder
+from plugin.truth import HORIZONS_S, STEP_S, Scorer
+from plugin.vision import Scene, Sight, Vision, VisionState
+from plugin.warning import departure
+from plugin.warning.tlc import Crossing, time_to_lane_crossing
+from sumo_net.batch import join, select
+from sumo_net.ego import Ego, EgoTruth
+from sumo_net.equipment import EquipmentChoice
+from sumo_net.network import BuiltNetwork
+from sumo_net.road import RoadAhead, RoadNetwork
+from sumo_net.road_kernels import ahead as road_ahead
+from sumo_net.settings import read_toml
+from sumo_net.surroundings import objects_around
+from sumo_net.traffic import Snapshot, Traffic
+
+Array = np.ndarray[Any, Any]
+
+SETTLE_EVERY_STEPS = 100  # rows are written every 10 s of simulated time
+
+
+class FleetState(NamedTuple):
+    """What the assistance of n vehicles carries from step to step."""
+
+    handle: Array  # (n,) int64
+    vision: VisionState
+    observer: observer.State
+    departure: departure.DepartureState
+
+
+class DriverAssistance:
+    """Lane-departure warning for the equipped vehicles of a running SUMO simulation.
+
+    Use `attach` in a loop of your own and call `step` after each simulation step; `tables` gives what was
+    recorded. Close it, or use it as a context: the last seconds are scored and written then.
+    """
+
+    def __init__(
+        self,
+        traffic: Traffic,
+        configuration: Configuration,
+        network: BuiltNetwork | Path | None = None,
+        *,
+        out: Path | None = None,
+        formats: Iterable[str] = ("csv",),
+        run_id: str = "run",
+        seed: int | None = None,
+        threads: int | None = None,
+        compare_paper: bool = False,
+    ) -> None:
+        """`network`: where the smooth road comes from, by default the network file that SUMO has loaded."""
+        self.configuration = configuration
+        self._traffic = traffic
+        seed = configuration.seed if seed is None else seed
+        if isinstance(network, BuiltNetwork):
+            self._roads = RoadNetwork.from_highway(network)
+        else:
+            self._roads = RoadNetwork.from_net_file(network or traffic.net_file)
+        self._ego = Ego(self._roads, traffic, seed, configuration.driver, configuration.vehicle)
+        self._choice = EquipmentChoice(configuration.equipment, seed)
+        self._equipped = np.zeros(256, np.bool_)  # by handle
+        self._last_handle = -1
+        self._vision = Vision(configuration, seed, threads, compare_paper)
+        self._preview_m = configuration.camera.preview_m
+        self._observing = observer.schedule(configuration.vehicle, self._preview_m, configuration.observing)
+        self._predicting = prediction.predictor(configuration.vehicle, configuration.predicting)
+        self._warning = departure.numbers(configuration.departure)
+        self._state = self._fresh(np.zeros(0, np.int64))
+        self.recorder = Recorder(run_id, out, formats)
+        self._names: dict[int, str] = {}
+        labels = {"lane_id": traffic.lane_ids, "tlc_side": ("left", "right"), "ldw_state": departure.CODES}
+        self._scorer = Scorer(self.recorder, self._names, labels, configuration.matching)
+        self._steps = 0
+        self._horizon = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64) - 1
+        self._closed = False
+
+    @classmethod
+    def attach(
+        cls,
+        simulation: Any,
+        equip: float | None = None,
+        seed: int | None = None,
+        *,
+        settings: Configuration | Mapping[str, Any] | Path | str | None = None,
+        **options: Any,
+    ) -> "DriverAssistance":
+        """Equip vehicles of a simulation that runs already.
+
+        simulation : the module libsumo or traci, or a traci Connection, with a step length of 0.1 s.
+        equip : share of the vehicles that are equipped; default: that of the settings.
+        seed : of equipment, drivers and sensors.
+        settings : a Configuration, a nested mapping with the same keys, or a TOML file.
+        options : `out`, `formats`, `run_id`, `threads`, `compare_paper`, as for the class.
+
+        Raises TrafficError or SettingsError, before anything is changed.
+        """
+        if isinstance(settings, str | Path):
+            settings = read_toml(Path(settings))
+        if not isinstance(settings, Configuration):
+            mapping = dict(settings or {})
+            if equip is not None:
+                mapping["equipment"] = {**mapping.get("equipment", {}), "fraction": equip}
+            settings = configuration_from(mapping, "settings")
+        elif equip is not None:
+            raise ValueError("equip and a whole Configuration: set equipment.fraction in it instead")
+        return cls(Traffic.attach(simulation), settings, seed=seed, **options)
+
+    def __enter__(self) -> "DriverAssistance":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def vehicles(self) -> list[str]:
+        """Ids of the equipped vehicles that are on the road now."""
+        return [self._names[int(handle)] for handle in self._state.handle]
+
+    @property
+    def tables(self) -> "Tables":
+        """The tables by name, as pandas DataFrames; complete after `close`."""
+        return Tables(self.recorder)
+
+    def step(self) -> None:
+        """Work through the 0.1 s that SUMO has just simulated."""
+        snapshot = self._traffic.snapshot()
+        truth = self._ego.step(snapshot, self._find_equipped(snapshot))
+        self._steps += 1
+        self._follow_fleet(truth.handle)
+        if len(truth.handle):
+            self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
+            self._drive(snapshot, truth)
+        if self._steps % SETTLE_EVERY_STEPS == 0:
+            self._scorer.settle(self._traffic.time_s)
+
+    def close(self) -> None:
+        """Score and write what is left; safe to call twice. The simulation goes on."""
+        if not self._closed:
+            self._closed = True
+            self._scorer.settle(np.inf, final=True)
+            self.recorder.close()
+            self._vision.close()
+
+    def _find_equipped(self, snapshot: Snapshot) -> Array:
+        new = snapshot.handle[snapshot.handle > self._last_handle].tolist()
+        if new:
+            self._last_handle = max(new)
+            while self._last_handle >= len(self._equipped):
+                self._equipped = np.concatenate([self._equipped, np.zeros_like(self._equipped)])
+            chosen = self._choice.choose(self._traffic, new)
+            self._equipped[chosen] = True
+            self._names.update((handle, self._traffic.vehicle_id(handle)) for handle in chosen)
+        return np.asarray(self._equipped[snapshot.handle])
+
+    def _fresh(self, handle: Array) -> FleetState:
+        n = len(handle)
+        names = [self._names[int(h)] for h in handle] if n else []
+        return FleetState(
+            handle, self._vision.init(names), observer.init(n, self._observing), departure.init(n)
+        )
+
+    def _follow_fleet(self, handle: Array) -> None:
+        have = self._state.handle
+        if np.array_equal(have, handle):
+            return
+        kept = np.isin(have, handle, assume_unique=True)
+        arrived = handle[~np.isin(handle, have, assume_unique=True)]
+        merged = join(select(self._state, kept), self._fresh(arrived))
+        self._state = select(merged, np.argsort(merged.handle))
+
+    def _drive(self, snapshot: Snapshot, truth: EgoTruth) -> None:
+        configuration, state = self.configuration, self._state
+        ahead = road_ahead(
+            self._roads.table, truth.path, truth.station_m, truth.path_offset_m, truth.path_heading_rad
+        )
+        pose = Pose(truth.x_m, truth.y_m, truth.heading_rad)
+        objects = objects_around(truth, snapshot)
+        scene = Scene(ahead, objects, pose, truth.lanes_left, truth.lane_offset_m, truth.lane_width_m)
+        speed = truth.speed_mps
+        vision, sight = self._vision.step(state.vision, scene, speed)
+        observing, motion = observer.step(state.observer, self._observing, sight.lane, speed)
+        spans = self._ego.half_span_m()
+        paths, crossings = self._foresee(motion, speed, spans)
+        actual = true_motion(truth, ahead, self._preview_m)
+        actual_path = prediction.predict(actual, speed, self._predicting)
+        floor = time_to_lane_crossing(actual, actual_path, configuration.vehicle, spans)
+        warning_state, warning = departure.step(
+            state.departure, crossings["predicted"], motion, speed, truth.signal, self._warning
+        )
+        self._state = FleetState(truth.handle, vision, observing, warning_state)
+        columns = self._columns(truth, snapshot, ahead, sight, motion, spans)
+        columns |= self._warning_columns(crossings, floor, warning)
+        columns |= {name: self._points(path) for name, path in paths.items()}
+        columns["true_state"] = self._points(actual_path)
+        self._scorer.add(columns)
+
+    def _foresee(
+        self, motion: MotionEstimate, speed: Array, spans: Array
+    ) -> tuple[dict[str, Trajectory], dict[str, Crossing]]:
+        paths = {
+            "predicted": prediction.predict(motion, speed, self._predicting),
+            "constant_velocity": prediction.constant_velocity(motion, speed, self._predicting),
+            "constant_radius": prediction.constant_radius(motion, speed, self._predicting),
+        }
+        vehicle = self.configuration.vehicle
+        return paths, {
+            name: time_to_lane_crossing(motion, path, vehicle, spans) for name, path in paths.items()
+        }
+
+    def _points(self, path: Trajectory) -> Array:
+        """(n, 4, 3) of a path at HORIZONS_S."""
+        at = self._horizon
+        return np.stack([path.forward_m[:, at], path.left_m[:, at], path.heading_rad[:, at]], axis=-1)
+
+    def _columns(
+        self,
+        truth: EgoTruth,
+        snapshot: Snapshot,
+        ahead: RoadAhead,
+        sight: Sight,
+        motion: MotionEstimate,
+        spans: Array,
+    ) -> dict[str, Any]:
+        n = len(truth.handle)
+        left, right = margins(truth, self.configuration.vehicle.front_axle_m, spans)
+        drift = truth.speed_mps * np.sin(truth.lane_heading_rad)
+        drift += truth.lateral_speed_mps * np.cos(truth.lane_heading_rad)
+        lanes = snapshot.lane[np.searchsorted(snapshot.handle, truth.handle)]
+        lane, borders = sight.lane, sight.borders
+        return {
+            "handle": truth.handle,
+            "step": np.full(n, self._steps),
+            "time_s": np.full(n, self._traffic.time_s),
+            "lane_id": lanes,
+            "speed_mps": truth.speed_mps,
+            "x_m": truth.x_m,
+            "y_m": truth.y_m,
+            "world_heading_rad": truth.heading_rad,
+            "margin_left_m": left,
+            "margin_right_m": right,
+            "drift_mps": drift,
+            "cause": truth.cause.astype(np.int64),
+            "true_lateral_offset_m": truth.lane_offset_m,
+            "true_heading_error_rad": truth.lane_heading_rad,
+            "true_curvature_1pm": curvature_ahead(ahead, self._preview_m),
+            "true_curvature_here_1pm": truth.curvature_1pm,
+            "true_lateral_speed_mps": truth.lateral_speed_mps,
+            "true_yaw_rate_rps": truth.yaw_rate_rps,
+            "true_steer_rad": truth.steer_rad,
+            "on_marked_road": truth.on_marked_road,
+            "lane_locked": lane.locked,
+            "left_a": borders.left[:, 0],
+            "left_b": borders.left[:, 1],
+            "left_c": borders.left[:, 2],
+            "right_a": borders.right[:, 0],
+            "right_b": borders.right[:, 1],
+            "right_c": borders.right[:, 2],
+            "lane_score": lane.score,
+            "lateral_offset_m": lane.lateral_offset_m,
+            "heading_error_rad": lane.heading_error_rad,
+            "curvature_1pm": lane.curvature_1pm,
+            "lane_width_m": lane.lane_width_m,
+            "lateral_speed_mps": motion.lateral_speed_mps,
+            "yaw_rate_rps": motion.yaw_rate_rps,
+            "steer_rad": motion.steer_rad,
+            "recognised": sight.recognised,
+            "paper_recognised": sight.beside_recognised,
+        }
+
+    def _warning_columns(
+        self, crossings: dict[str, Crossing], floor: Crossing, warning: departure.DepartureWarning
+    ) -> dict[str, Any]:
+        side = crossings["predicted"].side
+        return {
+            "tlc_s": crossings["predicted"].tlc_s,
+            "tlc_side": np.select([side > 0, side < 0], [0, 1], -1),
+            "tlc_constant_velocity_s": crossings["constant_velocity"].tlc_s,
+            "tlc_constant_radius_s": crossings["constant_radius"].tlc_s,
+            "tlc_true_state_s": floor.tlc_s,
+            "ldw_active": warning.side != 0,
+            "ldw_state": warning.code,
+            "warning_side": warning.side.astype(np.int64),
+        }
+
+
+class Tables(Mapping[str, pd.DataFrame]):
+    """The tables of a run by name, read when asked for."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+
+    def __getitem__(self, name: str) -> pd.DataFrame:
+        return self._recorder.table(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._recorder.names)
+
+    def __len__(self) -> int:
+        return len(self._recorder.names)

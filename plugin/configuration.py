@@ -1,0 +1,95 @@
+"""All settings of a run: the scenario's world, and what is fitted to the equipped vehicles."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from camera_synth.camera import Camera
+from camera_synth.condition import PRESETS, Condition, preset_settings
+from plugin.events import Matching
+from plugin.lane.genetic import GeneticSearch
+from plugin.lane.geometry import Plausibility
+from plugin.lane.refine import Refine
+from plugin.motion.observer import ObserverSettings
+from plugin.motion.prediction import PredictionSettings
+from plugin.warning.departure import DepartureSettings
+from sumo_net.driver import Driver
+from sumo_net.scenario import Scenario, scenario_mapping
+from sumo_net.settings import SettingsError, read, settings
+from sumo_net.vehicle import Vehicle
+
+
+@settings
+class Configuration(Scenario):
+    """A scenario with its drivers, cameras and assistance. TOML files hold the same keys."""
+
+    mode: Literal["paper", "refined"] = Field(
+        "refined", description="the published chain as it is, or the default one that starts from it"
+    )
+    driver: Driver = Field(default_factory=Driver, description="how equipped vehicles are steered")
+    vehicle: Vehicle = Field(default_factory=Vehicle, description="single-track model of equipped vehicles")
+    camera: Camera = Field(default_factory=Camera)
+    condition: Condition = Field(
+        default_factory=Condition, description="light, weather, paint; in TOML also `preset`"
+    )
+    search: GeneticSearch = Field(default_factory=GeneticSearch, description="the published lane search")
+    plausibility: Plausibility = Field(default_factory=Plausibility, description="of the published search")
+    refine: Refine = Field(default_factory=Refine, description="the default lane tracker")
+    observer: ObserverSettings = Field(default_factory=ObserverSettings)
+    prediction: PredictionSettings = Field(default_factory=PredictionSettings)
+    departure: DepartureSettings = Field(default_factory=DepartureSettings)
+    matching: Matching = Field(default_factory=Matching, description="of warnings with true crossings")
+
+    @property
+    def observing(self) -> ObserverSettings:
+        """The observer's settings in this run's mode."""
+        return dataclasses.replace(self.observer, mode=self.mode)
+
+    @property
+    def predicting(self) -> PredictionSettings:
+        """The predictor's settings in this run's mode."""
+        return dataclasses.replace(self.prediction, mode=self.mode)
+
+
+def load_configuration(source: str, changes: Mapping[str, Any] | None = None) -> Configuration:
+    """The settings behind a built-in name, a .toml or a .sumocfg, with `changes` laid over them.
+
+    `changes` is nested like the file. Raises SettingsError.
+    """
+    mapping, path = scenario_mapping(source)
+    return configuration_from(_merged(mapping, changes or {}), str(path))
+
+
+def configuration_from(mapping: Mapping[str, Any], source: str = "settings") -> Configuration:
+    """Settings from a nested mapping; `condition` may be, or hold, the name of a preset."""
+    mapping = dict(mapping)
+    condition = mapping.get("condition")
+    if isinstance(condition, str):
+        condition = {"preset": condition}
+    if isinstance(condition, Mapping) and "preset" in condition:
+        condition = dict(condition)
+        name = condition.pop("preset")
+        if name not in PRESETS:
+            raise SettingsError(f"{source}: condition.preset = {name!r}: known are {', '.join(PRESETS)}")
+        mapping["condition"] = {**preset_settings(name), **condition}
+    return read(Configuration, mapping, source)
+
+
+def read_camera(path: Path) -> Camera:
+    """A camera file, as `sumo-adas calibrate` writes it. Raises SettingsError."""
+    from sumo_net.settings import read_toml
+
+    mapping = read_toml(path)
+    return read(Camera, mapping.get("camera", mapping), str(path))
+
+
+def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in changes.items():
+        old = merged.get(key)
+        both = isinstance(old, Mapping) and isinstance(value, Mapping)
+        merged[key] = _merged(old, value) if both else value  # type: ignore[arg-type]
+    return merged

@@ -1,0 +1,196 @@
+"""The camera chain of a fleet: what each vehicle's camera sees, and where it finds the lane.
+
+Frames live only as long as the chunk of vehicles that is worked on; chunks are spread over threads.
+"""
+
+import os
+import queue
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from camera_synth.camera import projection
+from camera_synth.condition import Looks, looks
+from camera_synth.render import PROCESSED_FROM, Pose, new_frames, render
+from plugin.configuration import Configuration
+from plugin.lane import genetic, refine
+from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.genetic import SearchState, search_numbers
+from plugin.lane.geometry import lane_estimate_from_borders
+from plugin.lane.refine import LaneState
+from plugin.recognition_kernels import ROW_STEP, ROWS, judge
+from sumo_net.batch import join, select
+from sumo_net.randomness import stream_key
+from sumo_net.road import OWN_RIGHT, RoadAhead
+from sumo_net.surroundings import Objects
+
+Array = np.ndarray[Any, Any]
+
+CHUNK = 16  # vehicles a chunk: their frames stay in a core's cache
+JUDGED_Y = 1.0 + ROW_STEP * np.arange(ROWS)
+TOLERANCE_PX, SHARE = 5.0, 0.85
+_STRADDLING_M = 0.4  # so near a border either of its lanes may be meant
+
+
+class Scene(NamedTuple):
+    """What is around n vehicles, truth: the renderer's input and the judge's."""
+
+    ahead: RoadAhead
+    objects: Objects
+    pose: Pose
+    lanes_left: Array  # (n,) the containing lane left (+) of the path
+    lane_offset_m: Array  # (n,) from the centre of that lane
+    lane_width_m: Array
+
+
+class VisionState(NamedTuple):
+    """What n vehicles' cameras and lane detectors carry from frame to frame."""
+
+    camera_key: Array  # (n,) uint64
+    frame: Array  # (n,) int64
+    looks: Looks
+    lane: LaneState  # default mode
+    search: SearchState  # published search: of paper mode, or what starts the default mode
+    beside: SearchState  # the published search on every frame, for comparison
+
+
+class Sight(NamedTuple):
+    """What came of one frame of each of n vehicles."""
+
+    lane: LaneEstimate
+    borders: Borders
+    recognised: Array  # (n,) int8: 1, 0, or -1 where no marking showed
+    beside_recognised: Array  # (n,) int8, -1 where it does not run
+
+
+class Vision:
+    """The camera chain with its settings; `step` once per 0.1 s."""
+
+    def __init__(self, configuration: Configuration, seed: int, threads: int | None, beside: bool) -> None:
+        self._configuration = configuration
+        self._seed = seed
+        self._beside = beside
+        self._paper = configuration.mode == "paper"
+        self._projection = projection(configuration.camera)
+        self._numbers = search_numbers(configuration.search)
+        condition = configuration.condition
+        self._dash = (condition.dash_stroke_m, condition.dash_stroke_m + condition.dash_gap_m)
+        count = threads or os.cpu_count() or 1
+        self._pool = ThreadPoolExecutor(count) if count > 1 else None
+        self._buffers: queue.SimpleQueue[Array] = queue.SimpleQueue()
+        for _ in range(count):
+            self._buffers.put(new_frames(CHUNK))
+
+    def init(self, vehicle_ids: list[str]) -> VisionState:
+        """State of vehicles before their first frame."""
+
+        def keys(stream: str) -> Array:
+            return np.array([stream_key(self._seed, name, stream) for name in vehicle_ids], dtype=np.uint64)
+
+        n = len(vehicle_ids)
+        return VisionState(
+            keys("camera"),
+            np.zeros(n, np.int64),
+            looks(self._configuration.condition, n),
+            refine.init(n),
+            genetic.init(keys("search")),
+            genetic.init(keys("search beside")),
+        )
+
+    def step(self, state: VisionState, scene: Scene, speed_mps: Array) -> tuple[VisionState, Sight]:
+        """Render and look, for n > 0 vehicles."""
+        n = len(speed_mps)
+        slices = [slice(k, min(k + CHUNK, n)) for k in range(0, n, CHUNK)]
+        work = [(select(state, part), select(scene, part), speed_mps[part]) for part in slices]
+        run = self._pool.map if self._pool is not None and len(work) > 1 else map
+        done = list(run(self._chunk, work))
+        return join(*(after for after, _ in done)), join(*(sight for _, sight in done))
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def _chunk(self, work: tuple[VisionState, Scene, Array]) -> tuple[VisionState, Sight]:
+        state, scene, speed_mps = work
+        buffer = self._buffers.get()
+        try:
+            frames = buffer[: len(speed_mps)]
+            self.draw(frames, state, scene, PROCESSED_FROM)
+            return self._look(frames, state, scene, speed_mps)
+        finally:
+            self._buffers.put(buffer)
+
+    def draw(self, frames: Array, state: VisionState, scene: Scene, first_row: int = 0) -> None:
+        """The frames (n, 240, 320) that the cameras see now."""
+        render(
+            frames,
+            self._projection,
+            scene.ahead,
+            scene.objects,
+            scene.pose,
+            state.looks,
+            state.camera_key,
+            state.frame,
+            first_row,
+        )
+
+    def _look(
+        self, frames: Array, state: VisionState, scene: Scene, speed_mps: Array
+    ) -> tuple[VisionState, Sight]:
+        lane_state, search = state.lane, state.search
+        if self._paper:
+            search, borders = genetic.search(frames, search, self._numbers)
+            lane = lane_estimate_from_borders(
+                borders, search.shifted, self._configuration.camera, self._configuration.plausibility
+            )
+            columns = _parabola_columns(borders)
+        else:
+            search, start, wanted = self._start(frames, lane_state, search)
+            lane_state, lane = refine.step(
+                frames, start, wanted, lane_state, self._projection, speed_mps, self._configuration.refine
+            )
+            borders = refine.parabolas(lane_state, self._projection)
+            columns = refine.border_columns(lane_state, JUDGED_Y, self._projection)
+        beside, beside_verdict = state.beside, np.full(len(speed_mps), -1, np.int8)
+        if self._beside:
+            beside, found = genetic.search(frames, beside, self._numbers)
+            beside_verdict = self._judge(scene, _parabola_columns(found))
+        after = state._replace(frame=state.frame + 1, lane=lane_state, search=search, beside=beside)
+        return after, Sight(lane, borders, self._judge(scene, columns), beside_verdict)
+
+    def _start(
+        self, frames: Array, lane: LaneState, search: SearchState
+    ) -> tuple[SearchState, Borders | None, Array | None]:
+        """The published search for the vehicles that have no lane; the others' searches are reset."""
+        wanted = refine.needs_search(lane)
+        if not wanted.any():
+            return search, None, None
+        index = np.flatnonzero(wanted)
+        fresh = genetic.init(search.key)._replace(frame=search.frame)
+        resumed = select(search, index)
+        after, found = genetic.search(frames[index], resumed, self._numbers)
+        for part, new in zip(fresh, after, strict=True):
+            part[index] = new
+        n = len(wanted)
+        start = Borders(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2)))
+        for part, new in zip(start, found, strict=True):
+            part[index] = new
+        return fresh, start, wanted
+
+    def _judge(self, scene: Scene, columns: Array) -> Array:
+        own = OWN_RIGHT + scene.lanes_left.astype(np.int64)
+        beyond = np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m - _STRADDLING_M
+        other = np.where(beyond, own + np.sign(scene.lane_offset_m).astype(np.int64), -1)
+        verdict = np.empty(len(own), np.int8)
+        judge(
+            scene.ahead, scene.objects, own, other, columns, self._dash, TOLERANCE_PX, SHARE,
+            self._projection, verdict,
+        )  # fmt: skip
+        return verdict
+
+
+def _parabola_columns(borders: Borders) -> Array:
+    both = np.stack([borders.left, borders.right], axis=1)[:, :, None, :]
+    return np.ascontiguousarray((both[..., 0] * JUDGED_Y + both[..., 1]) * JUDGED_Y + both[..., 2])
