@@ -83,7 +83,7 @@ class Tuning(NamedTuple):
     offset_walk: float = 0.03
     heading_walk: float = 0.002
     width_walk: float = 0.01
-    knot_walk: float = 1e-5  # per root metre driven
+    knot_walk: float = 3e-5  # per root metre driven
     noise_px: float = 0.7  # of a marking centre; rows err together, so more than one row shows
     noise_m: float = 0.02
     none: float = 0.1  # weight of 'no ridge here is the border'
@@ -113,6 +113,7 @@ class LaneState(NamedTuple):
     one_sided: Array  # (n,) int32 frames in a row without both borders
     age: Array  # (n,) int32 frames since the start
     found: Array  # (n, 2) share of rows where the left and the right border was seen
+    reach_m: Array  # (n,) how far ahead paint was seen lately
     share: Array  # (n, 2) what that usually is on this road
 
 
@@ -127,6 +128,7 @@ def init(n: int) -> LaneState:
         np.zeros(n, np.int32),
         np.zeros(n, np.int32),
         np.zeros((n, 2)),
+        np.zeros(n),
         np.zeros((n, 2)),
     )
 
@@ -183,7 +185,9 @@ def step(
     """One frame of each of n vehicles.
 
     frames (n, 240, 320) uint8. borders: the published search's, for the vehicles that `given` (n,) bool
-    marks; None for none. speed_mps (n,): of the step that led here. Raises ValueError where the sizes do not fit.
+    marks; None for none. speed_mps (n,): of the step that led here.
+
+    Raises ValueError where the sizes do not fit.
     """
     n = len(state.status)
     if frames.shape != (n, 240, WIDTH_PX) or frames.dtype != np.uint8:

@@ -20,10 +20,12 @@ from plugin.lane.road_model import (
     NODES,
     OFFSET,
     PITCH,
+    RIGHT,
     STATES,
     WIDTH,
     bases,
     border_columns,
+    row_ground,
     sway,
     trace,
 )
@@ -260,3 +262,15 @@ def tally(work, side):  # type: ignore[no-untyped-def]
             if work.found[side, r]:
                 found += 1
     return found, expected
+
+
+@kernel
+def farthest_found(rows, x, p, work):  # type: ignore[no-untyped-def]
+    """How far ahead paint was seen on either border, in m; the two farthest rows do not count."""
+    count = 0
+    for r in range(rows.shape[0] - 1, -1, -1):
+        if work.found[LEFT, r] or work.found[RIGHT, r]:
+            count += 1
+            if count == 3:
+                return row_ground(rows[r], x[PITCH], p)[0]
+    return 0.0

@@ -13,7 +13,7 @@ from plugin.lane.acquire import (
     ridge_points,
     vote,
 )
-from plugin.lane.refine_fit import fit, gather, invert, place_borders, tally, workspace
+from plugin.lane.refine_fit import farthest_found, fit, gather, invert, place_borders, tally, workspace
 from plugin.lane.ridge import road_noise
 from plugin.lane.road_model import (
     FURTHEST_M,
@@ -317,6 +317,8 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
             new.share[i, :] = 0.0
             x[:] = 0.0
             P[:, :] = 0.0
+        seen_m = farthest_found(rows, x, p, work) if seen_left or seen_right else 0.0
+        new.reach_m[i] = max(seen_m, 0.9 * old.reach_m[i]) if status != SEARCHING else 0.0
         trace(x, phase, work.node)
         _report(i, x, phase, status, seen_left, seen_right, shift, p, t, work.node, new, out)
 
@@ -357,7 +359,8 @@ def _report(i, x, phase, status, seen_left, seen_right, shift, p, t, node, new, 
 @kernel
 def columns_kernel(x, phase, status, rows, p, furthest, out):  # type: ignore[no-untyped-def]
     """out (n, 2, rows): the column of both borders at each row; NaN where they are not seen or unlocked."""
-    node, border = np.zeros((NODES, 5)), np.zeros((rows.shape[0], 6))
+    # further nodes than the fit uses: the curvature goes on as it is beyond the last knot
+    node, border = np.zeros((NODES + 14, 5)), np.zeros((rows.shape[0], 6))
     for i in range(x.shape[0]):
         out[i, :, :] = math.nan
         if status[i] != LOCKED:

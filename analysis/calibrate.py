@@ -1,0 +1,244 @@
+"""A camera file proposed from pictures of a straight road.
+
+Lane lines meet in the vanishing point: its row gives the pitch, its column the yaw. In the picture a line at
+X metres left of the camera is x = x_v - (f_x / f_y) X u / h, u rows below the horizon, so that the slopes of
+both lines of a lane of known width give the height h above the road. The focal length cannot be seen in such
+a picture (it only stretches distances): it follows from a field of view that is given or assumed. Pixels are
+taken for square and the principal point for the middle of the picture.
+"""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from analysis.footage import FootageError, frames, open_footage
+from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera
+from plugin.lane.ridge import BUFFER_PX, candidates
+
+Array = np.ndarray[Any, Any]
+
+HORIZONS_PX = np.arange(80.0, 200.0, 2.0)  # y of the vanishing point that are tried
+COLUMNS_PX = np.arange(80.0, 242.0, 3.0)
+MOST_FRAMES = 30  # of a video
+CONTRAST = 8.0
+BIN_PX, BINS = 6.0, 200
+DIRECTION_SPREAD = 0.35  # columns per row
+LEAST_POINTS = 8  # on a line
+
+
+class Lines(NamedTuple):
+    """What one picture shows."""
+
+    vanishing_x: float
+    vanishing_y: float  # up from the bottom row
+    slope_left: float  # columns per row below the horizon, left line (negative)
+    slope_right: float
+
+
+class Proposal(NamedTuple):
+    """A camera and what it rests on, as sentences."""
+
+    camera: Camera
+    notes: tuple[str, ...]
+
+
+def calibrate(
+    sources: Sequence[Path | str],
+    lane_width_m: float = 3.7,
+    height_m: float | None = None,
+    field_of_view_rad: float = math.radians(60.0),
+) -> Proposal:
+    """Propose a camera from pictures (or a video, or folders of pictures) of a straight road.
+
+    height_m: if it is known; then lane_width_m is only compared with. Raises ValueError where values are out
+    of range, FootageError where nothing can be read or no picture shows a lane.
+    """
+    if not 2.0 <= lane_width_m <= 6.0:
+        raise ValueError(f"lane_width_m = {lane_width_m}: must be 2 to 6")
+    if height_m is not None and not 0.3 <= height_m <= 5.0:
+        raise ValueError(f"height_m = {height_m}: must be 0.3 to 5")
+    if not 0.1 <= field_of_view_rad <= 2.5:
+        raise ValueError(f"field_of_view_rad = {field_of_view_rad}: must be 0.1 to 2.5")
+    if not sources:
+        raise FootageError("calibrate: needs at least one image")
+    found: list[Lines] = []
+    looked, size = 0, (WIDTH_PX, HEIGHT_PX)
+    for source in sources:
+        footage = open_footage(source)
+        stride = max(1, footage.count // MOST_FRAMES)
+        for index, recorded in enumerate(frames(footage)):
+            if index % stride:
+                continue
+            if looked and recorded.size_px != size:
+                raise FootageError(
+                    f"{source}: is {recorded.size_px[0]}x{recorded.size_px[1]} pixels, the images before are "
+                    f"{size[0]}x{size[1]}: one camera at a time"
+                )
+            size = recorded.size_px
+            looked += 1
+            lines = lane_lines(recorded.grey)
+            if lines is not None:
+                found.append(lines)
+    if not found:
+        raise FootageError(f"{sources[0]}: shows no two lane lines that meet (looked at {looked} images)")
+    return _propose(found, looked, size, lane_width_m, height_m, field_of_view_rad)
+
+
+def _propose(
+    found: list[Lines],
+    looked: int,
+    size: tuple[int, int],
+    lane_width_m: float,
+    height_m: float | None,
+    field_of_view_rad: float,
+) -> Proposal:
+    width, height = size
+    x, y, left, right = (float(np.median([getattr(line, name) for line in found])) for name in Lines._fields)
+    spread = float(np.median([line.slope_right - line.slope_left for line in found]))
+    focal_x = 0.5 * WIDTH_PX / math.tan(0.5 * field_of_view_rad)
+    focal_y = focal_x * (width / WIDTH_PX) * (HEIGHT_PX / height)
+    pitch = math.atan((y - 0.5 * HEIGHT_PX) / focal_y)
+    yaw = math.atan((x - 0.5 * WIDTH_PX) / focal_x)
+    # exact where the approximation above divides by f_y: rows are u = f_y tan(...) from the horizon
+    seen = focal_x / focal_y / spread / math.cos(pitch)
+    chosen = lane_width_m * seen if height_m is None else height_m
+    camera = Camera(
+        height_m=round(chosen, 3),
+        focal_px=round(focal_x, 1),
+        focal_y_px=None if abs(focal_y - focal_x) < 0.05 else round(focal_y, 1),
+        pitch_rad=round(pitch, 5),
+        yaw_rad=round(yaw, 5),
+    )
+    notes = [
+        f"{len(found)} of {looked} images show a lane; vanishing point x = {x:.1f}, y = {y:.1f} "
+        f"(320x240, up from the bottom row)",
+        f"assumed: field of view {math.degrees(field_of_view_rad):.0f} degrees (the picture cannot tell), "
+        f"square pixels of the {width}x{height} image, principal point in its middle, the car parallel to "
+        "the lane on average",
+    ]
+    if height_m is None:
+        notes.append(f"height {chosen:.2f} m follows from a lane width of {lane_width_m:g} m (assumed)")
+    else:
+        notes.append(
+            f"with the height of {height_m:g} m the lane is {height_m / seen:.2f} m wide "
+            f"(expected {lane_width_m:g} m)"
+        )
+    if len(found) > 1:
+        scatter = np.std([(line.vanishing_x, line.vanishing_y) for line in found], axis=0)
+        notes.append(f"the vanishing point scatters by {scatter[0]:.1f} and {scatter[1]:.1f} px")
+    del left, right
+    return Proposal(camera, tuple(notes))
+
+
+def as_toml(camera: Camera) -> str:
+    """The camera file: the keys of Camera, one a line."""
+    names = ("height_m", "focal_px", "focal_y_px", "pitch_rad", "yaw_rad", "center_x_px", "center_y_px")
+    values = [(name, getattr(camera, name)) for name in (*names, "forward_m", "left_m")]
+    return "".join(f"{name} = {float(value)!r}\n" for name, value in values if value is not None)
+
+
+def lane_lines(grey: Array) -> Lines | None:
+    """The vanishing point and the lines of the own lane in a (240, 320) picture; None where it shows none."""
+    points = _ridges(grey)
+    if len(points) < 2 * LEAST_POINTS:
+        return None
+    best, chosen = 0.0, None
+    for horizon in HORIZONS_PX:
+        x, y, direction, strength = points[horizon - points[:, 1] > 12.0].T
+        if len(x) < 2 * LEAST_POINTS:
+            continue
+        # where each point's line through (column, horizon) meets the bottom row, in bins
+        slope = (x - COLUMNS_PX[:, None]) / (horizon - y)
+        cell = np.floor(slope * horizon / BIN_PX).astype(int) + BINS // 2
+        weight = strength * np.exp(-(((slope - direction) / DIRECTION_SPREAD) ** 2))
+        inside = (cell >= 0) & (cell < BINS)
+        flat = (np.arange(len(COLUMNS_PX))[:, None] * BINS + cell)[inside]
+        votes = np.bincount(flat, weights=weight[inside], minlength=BINS * len(COLUMNS_PX)).reshape(-1, BINS)
+        smooth = votes.copy()
+        smooth[:, 1:] += 0.5 * votes[:, :-1]
+        smooth[:, :-1] += 0.5 * votes[:, 1:]
+        # one strong line meets every point on it: only lines on both sides fix where they meet
+        gap = int(0.2 * horizon / BIN_PX)
+        left, right = smooth[:, : BINS // 2 - gap], smooth[:, BINS // 2 + gap :]
+        score = np.sqrt(left.max(axis=1) * right.max(axis=1))
+        k = int(np.argmax(score))
+        if score[k] > best:
+            middle = 0.5 - BINS // 2
+            chosen = (
+                float(COLUMNS_PX[k]),
+                float(horizon),
+                float((np.argmax(left[k]) + middle) * BIN_PX / horizon),
+                float((np.argmax(right[k]) + BINS // 2 + gap + middle) * BIN_PX / horizon),
+            )
+            best = float(score[k])
+    if chosen is None:
+        return None
+    column, horizon, *slopes = chosen
+    fitted = [_line(points, column, horizon, slope) for slope in slopes]
+    if fitted[0] is None or fitted[1] is None:
+        return None
+    (a_left, m_left), (a_right, m_right) = fitted
+    if m_right - m_left < 0.3:
+        return None
+    # x = a - m y: both meet at
+    y_v = (a_right - a_left) / (m_right - m_left)
+    return Lines(a_left - m_left * y_v, y_v, m_left, m_right)
+
+
+def _line(points: Array, column: float, horizon: float, slope: float) -> tuple[float, float] | None:
+    """(a, m) of x = a - m y by least squares that forgets what is far off (Tukey), from a start."""
+    x, y, direction, strength = points[points[:, 1] < horizon - 5.0].T
+    a, m = column + slope * horizon, slope
+    for scale in (6.0, 4.0, 2.5, 2.0, 1.5):
+        z = (x - (a - m * y)) / (2.0 * scale)
+        weight = np.where(np.abs(z) < 1.0, (1.0 - z * z) ** 2, 0.0)
+        weight *= strength * np.exp(-(((m - direction) / DIRECTION_SPREAD) ** 2))
+        if np.count_nonzero(weight > 0.05 * weight.max()) < LEAST_POINTS:
+            return None
+        mean_y, mean_x = np.average(y, weights=weight), np.average(x, weights=weight)
+        variance = np.sum(weight * (y - mean_y) ** 2)
+        if variance <= 0.0:
+            return None
+        m = -float(np.sum(weight * (y - mean_y) * (x - mean_x)) / variance)
+        a = float(mean_x + m * mean_y)
+    return a, m
+
+
+def _ridges(grey: Array) -> Array:
+    """(M, 4) bright ridges of the lower picture: column, y, columns per row downwards, strength 0 to 1.
+
+    The width that paint has in a row depends on the horizon, which is not known: a few are supposed. The
+    direction is that to the nearest ridge on the rows below and above; a ridge without any is left out.
+    """
+    sums, response, out = np.zeros(BUFFER_PX + 1, np.int64), np.zeros(BUFFER_PX), np.zeros((8, 2))
+    rows: list[dict[float, float]] = []
+    ys = np.arange(1, 150)
+    for y in ys:
+        found: dict[float, float] = {}
+        for horizon in (105.0, 130.0, 155.0):
+            width = max(1.0, 0.085 * (horizon - y))
+            count = candidates(
+                grey, HEIGHT_PX - 1 - int(y), 159.5, 160.0, width, CONTRAST, sums, response, out
+            )
+            for c in range(count):
+                column = round(float(out[c, 0]), 1)
+                found[column] = max(found.get(column, 0.0), min(float(out[c, 1]) / 50.0, 1.0))
+        rows.append(found)
+    points = []
+    reach = 3
+    for i in range(reach, len(ys) - reach):
+        for column, strength in rows[i].items():
+            below = _nearest(rows[i - reach], column)
+            above = _nearest(rows[i + reach], column)
+            if below is None or above is None:
+                continue
+            points.append((column, float(ys[i]), (below - above) / (2.0 * reach), strength))
+    return np.array(points).reshape(-1, 4)
+
+
+def _nearest(row: dict[float, float], column: float) -> float | None:
+    near = min(row, key=lambda x: abs(x - column), default=None)
+    return near if near is not None and abs(near - column) < 14.0 else None

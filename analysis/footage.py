@@ -1,0 +1,128 @@
+"""Recorded input: a video, a folder of images or one image, as 320x240 grey frames."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+
+from camera_synth.camera import HEIGHT_PX, WIDTH_PX
+
+Array = np.ndarray[Any, Any]
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp")
+
+
+class FootageError(ValueError):
+    """What is wrong with a recording, in one line."""
+
+
+class Recorded(NamedTuple):
+    """One frame of a recording."""
+
+    time_s: float
+    grey: Array  # (240, 320) uint8
+    size_px: tuple[int, int]  # width and height before scaling
+    picture: Array  # (height, width, 3) uint8 BGR as recorded
+
+
+class Footage(NamedTuple):
+    """A recording before it is read."""
+
+    path: Path
+    images: tuple[Path, ...]  # empty for a video
+    step_s: float  # between frames
+    count: int  # frames, 0 where the file does not say
+
+    @property
+    def is_still(self) -> bool:
+        """One image alone."""
+        return len(self.images) == 1
+
+
+def open_footage(source: Path | str, image_step_s: float = 0.1) -> Footage:
+    """Find out what `source` is; images of a folder follow each other every `image_step_s`.
+
+    Raises FootageError where there is nothing to read.
+    """
+    path = Path(source)
+    if not path.exists():
+        raise FootageError(f"{path}: no such file or folder")
+    if path.is_dir():
+        images = sorted(
+            (file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES), key=_natural
+        )
+        if not images:
+            raise FootageError(f"{path}: holds no image ({', '.join(IMAGE_SUFFIXES)})")
+        return Footage(path, tuple(images), image_step_s, len(images))
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        return Footage(path, (path,), image_step_s, 1)
+    video = _open_video(path)
+    rate = video.get(cv2.CAP_PROP_FPS)
+    count = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
+    video.release()
+    return Footage(path, (), 1.0 / rate if 1.0 <= rate <= 1000.0 else image_step_s, max(count, 0))
+
+
+def frames(footage: Footage) -> Iterator[Recorded]:
+    """The frames in order. Raises FootageError at an image or video that cannot be read."""
+    if footage.images:
+        for index, image in enumerate(footage.images):
+            yield _recorded(index * footage.step_s, read_picture(image))
+        return
+    video = _open_video(footage.path)
+    try:
+        index = 0
+        while True:
+            there, image = video.read()
+            if not there:
+                break
+            yield _recorded(index * footage.step_s, image)
+            index += 1
+    finally:
+        video.release()
+    if index == 0:
+        raise FootageError(f"{footage.path}: holds no frame that can be read")
+
+
+def read_picture(path: Path) -> Array:
+    """One image, BGR, its own size. Raises FootageError where it cannot be read."""
+    try:
+        data = np.fromfile(path, np.uint8)
+    except OSError as error:
+        raise FootageError(f"{path}: cannot be read ({error.strerror})") from None
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if image is None:
+        raise FootageError(f"{path}: is not an image that can be read")
+    return np.asarray(image)
+
+
+def _open_video(path: Path) -> Any:
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        video = cv2.VideoCapture(str(path))
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    if not video.isOpened():
+        raise FootageError(f"{path}: is neither an image nor a video that can be read")
+    return video
+
+
+def _recorded(time_s: float, picture: Array) -> Recorded:
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    height, width = grey.shape
+    if (width, height) != (WIDTH_PX, HEIGHT_PX):
+        # area averaging when shrinking: thin far markings keep their share of the pixels
+        shrink = width >= WIDTH_PX and height >= HEIGHT_PX
+        grey = cv2.resize(
+            grey, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_LINEAR
+        )
+    return Recorded(time_s, np.ascontiguousarray(grey), (width, height), picture)
+
+
+def _natural(path: Path) -> list[Any]:
+    """Key that sorts frame2 before frame10."""
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", path.stem)]
