@@ -126,6 +126,7 @@ class SearchNumbers(NamedTuple):
     stencils: Array
     alpha: Array
     region: tuple[int, int, int]
+    blocks: int
     minimum_blocks: int
     restarts: bool
     patience: int

@@ -149,7 +149,7 @@ def evolve(maps, roads, sign, low, high, widths, generations, key, counter, numb
             decode(population[i], low, high, widths, border)
             row = slope_class(sign * border[1])
             fitness[i] = mean_value(
-                maps[row], border[0], border[1], border[2], roads[row], numbers.minimum_blocks
+                maps[row], border[0], border[1], border[2], roads[row], numbers.blocks, numbers.minimum_blocks
             )
         elite = 0
         for i in range(1, size):
@@ -215,7 +215,7 @@ def search_border(frame, side, stage, last, grey, key, counter, numbers, maps, b
     first = np.empty(maps.shape[1], np.int64)
     final = np.empty(maps.shape[1], np.int64)
     region_of_interest(stage, side, last, numbers, low, high)
-    reachable_columns(low, high, first, final)
+    reachable_columns(low, high, numbers.blocks, first, final)
     sign = 1.0 if side == 0 else -1.0
     gentlest, steepest = min(sign * low[1], sign * high[1]), max(sign * low[1], sign * high[1])
     for row in range(3):
@@ -227,7 +227,7 @@ def search_border(frame, side, stage, last, grey, key, counter, numbers, maps, b
             continue
         if row == 2 and gentlest >= 0.5 + 1e-9:
             continue
-        block_map(frame, numbers.stencils[side, row], first, final, maps[row])
+        block_map(frame, numbers.stencils[side, row], numbers.blocks, first, final, maps[row])
     generations = numbers.generations[stage]
     widths = numbers.bits[side, stage]
     return evolve(maps, roads, sign, low, high, widths, generations, key, counter, numbers, best, history)
@@ -296,7 +296,7 @@ def _lane_shift(age, border, numbers):  # type: ignore[no-untyped-def]
 @kernel
 def _plausible(border, numbers):  # type: ignore[no-untyped-def]
     """Whether the borders keep a lane's distance at the bottom and do not cross in the processed rows."""
-    top = 1.0 + BLOCK_PX * (BLOCKS - 1)
+    top = 1.0 + BLOCK_PX * (numbers.blocks - 1)
     width = border[1, 2] - border[0, 2]
     rise = (border[1, 0] - border[0, 0]) * top + border[1, 1] - border[0, 1]
     return numbers.least_width <= width <= numbers.greatest_width and width + rise * top > 0.0

@@ -5,6 +5,7 @@ borders sharing the heading e and the curvature K. The default camera sees it at
 K·h·f²/(2u), u = 157 - y (X₀, e and K left positive; small angles): a parabola in x only as far as K is 0.
 """
 
+import math
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -110,6 +111,20 @@ def lane_estimate_from_borders(
         out,
     )
     return out
+
+
+def marking_centres(borders: Borders, camera: Camera, plausibility: Plausibility | None = None) -> Borders:
+    """The borders moved from the inner edges of the markings, where the search finds them, to their centres.
+
+    A road point `inset` farther out has moved by inset·focal/depth in x, and 1/depth is linear in y: so b and
+    c change, a does not. (The camera's yaw, a few degrees, is neglected.)
+    """
+    inset = (plausibility or Plausibility()).inset_m
+    cos, sin = math.cos(camera.pitch_rad), math.sin(camera.pitch_rad)
+    per_row = inset * cos / camera.height_m
+    at_bottom = inset * (camera.focal_px * sin + camera.center_y_px * cos) / camera.height_m
+    moved = np.array([0.0, per_row, -at_bottom])
+    return Borders(borders.left + moved, borders.right - moved, borders.score)
 
 
 def parabolas_from_road(

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from camera_synth.camera import HEIGHT_PX, WIDTH_PX
+from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera
 from plugin.lane.objective_kernels import BLOCK_PX, BLOCKS, UNIT, objective_kernel
 from sumo_net.settings import settings
 
@@ -37,6 +37,12 @@ PARTS_4 = ((1, 0, -1), (1, 0, -1), (1, 0, -1))  # left minus right
 class Objective:
     """What the source leaves open about its objective function."""
 
+    blocks: int = Field(
+        BLOCKS,
+        ge=10,
+        le=BLOCKS,
+        description="along a border; fewer than the published 50 for a camera whose horizon is below y = 150",
+    )
     minimum_blocks: int = Field(
         20, ge=1, le=BLOCKS, description="m: with n < m blocks in the image, F = min(Σ/n, Σ/m)"
     )
@@ -63,6 +69,7 @@ class ObjectiveNumbers(NamedTuple):
     stencils: Array  # (2, 3, 3, 3) int32: border (left, right), slope class, row from the top, column
     alpha: Array  # (3,) per slope class
     region: tuple[int, int, int]  # road_left_px, road_right_px, road_rows
+    blocks: int
     minimum_blocks: int
 
 
@@ -78,10 +85,23 @@ def stencils() -> Array:
     return np.ascontiguousarray(np.rint(UNIT * np.stack([left, left[:, :, ::-1]])), np.int32)
 
 
+def blocks_below_horizon(camera: Camera) -> int:
+    """How many of the 50 blocks lie on the road for this camera: `Objective.blocks`, 50 by default.
+
+    Raises ValueError for a camera that sees fewer than 10.
+    """
+    blocks = min(BLOCKS, int((camera.horizon_y_px - 2.0) // BLOCK_PX))
+    if blocks < 10:
+        raise ValueError(
+            f"the horizon at y = {camera.horizon_y_px:.0f} leaves {blocks} blocks: 10 are needed"
+        )
+    return blocks
+
+
 def objective_numbers(objective: Objective) -> ObjectiveNumbers:
     """The kernel's view of the objective function."""
     region = (objective.road_left_px, objective.road_right_px, objective.road_rows)
-    return ObjectiveNumbers(stencils(), np.array(ALPHA), region, objective.minimum_blocks)
+    return ObjectiveNumbers(stencils(), np.array(ALPHA), region, objective.blocks, objective.minimum_blocks)
 
 
 def objective(frames: Array, left: Array, right: Array, choices: Objective | None = None) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from sumo_net.compile import kernel
 
-BLOCKS = 50  # blocks along a border
+BLOCKS = 50  # along a border, at most
 BLOCK_PX = 3  # and one every three rows: centres at y = 1, 4, ..., 148
 FIRST_COLUMN, LAST_COLUMN = 1, 318  # of a block's centre, 0-based; 2 and 319 in the source's 1-based count
 UNIT = 90  # map values are in 1/90 grey level
@@ -44,12 +44,12 @@ def slope_class(slope):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def reachable_columns(low, high, first, last):  # type: ignore[no-untyped-def]
+def reachable_columns(low, high, blocks, first, last):  # type: ignore[no-untyped-def]
     """Columns [first[i], last[i]] where any parabola with low ≤ (a, b, c) ≤ high has its i-th block.
 
     x grows with each of a, b and c, as y ≥ 0; so two corners of the region bound it.
     """
-    for i in range(BLOCKS):
+    for i in range(blocks):
         y = 1.0 + BLOCK_PX * i
         lowest = math.floor((low[0] * y + low[1]) * y + low[2] + 0.5) - 1.0  # -1, +1: rounding of the decoder
         highest = math.floor((high[0] * y + high[1]) * y + high[2] + 0.5) + 1.0
@@ -58,7 +58,7 @@ def reachable_columns(low, high, first, last):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def block_map(frame, stencil, first, last, values):  # type: ignore[no-untyped-def]
+def block_map(frame, stencil, blocks, first, last, values):  # type: ignore[no-untyped-def]
     """Fill values[i, first[i]:last[i] + 1] with the stencil's response at the blocks of row y = 1 + 3i.
 
     frame (240, 320) uint8, stencil (3, 3) int32 with the upper row first, values (50, 320) int32.
@@ -67,7 +67,7 @@ def block_map(frame, stencil, first, last, values):  # type: ignore[no-untyped-d
     s00, s01, s02 = stencil[0, 0], stencil[0, 1], stencil[0, 2]
     s10, s11, s12 = stencil[1, 0], stencil[1, 1], stencil[1, 2]
     s20, s21, s22 = stencil[2, 0], stencil[2, 1], stencil[2, 2]
-    for i in range(BLOCKS):
+    for i in range(blocks):
         start, stop = first[i] - 1, last[i] + 2
         middle = frame.shape[0] - 2 - BLOCK_PX * i
         up, mid, low = frame[middle - 1, start:stop], frame[middle, start:stop], frame[middle + 1, start:stop]
@@ -87,7 +87,7 @@ def block_map(frame, stencil, first, last, values):  # type: ignore[no-untyped-d
 
 
 @kernel
-def mean_value(values, a, b, c, road, minimum_blocks):  # type: ignore[no-untyped-def]
+def mean_value(values, a, b, c, road, blocks, minimum_blocks):  # type: ignore[no-untyped-def]
     """F of eqs. 2 and 3 for x = a·y² + b·y + c: the mean over its blocks of map value minus `road` (α·grey).
 
     With n < m = minimum_blocks blocks it is min(Σ/n, Σ/m): few blocks cannot win. NO_SCORE without a block.
@@ -96,7 +96,7 @@ def mean_value(values, a, b, c, road, minimum_blocks):  # type: ignore[no-untype
     c += 0.5
     beside = values.shape[1] - 1.0
     total = count = np.int64(0)
-    for i in range(BLOCKS):
+    for i in range(blocks):
         y = 1.0 + BLOCK_PX * i
         x = np.uint32(min(max((a * y + b) * y + c, 0.0), beside))
         total += values[i, x]
@@ -111,7 +111,7 @@ def mean_value(values, a, b, c, road, minimum_blocks):  # type: ignore[no-untype
 
 
 @kernel
-def objective_kernel(frames, left, right, stencils, alpha, region, minimum_blocks, score):  # type: ignore[no-untyped-def]
+def objective_kernel(frames, left, right, stencils, alpha, region, blocks, minimum_blocks, score):  # type: ignore[no-untyped-def]
     """score[v] = (F of the left, F of the right border) in frames[v], for the whole fleet."""
     values = np.zeros((BLOCKS, frames.shape[2]), np.int32)
     first = np.empty(BLOCKS, np.int64)
@@ -121,8 +121,8 @@ def objective_kernel(frames, left, right, stencils, alpha, region, minimum_block
         for side in range(2):
             border = (left if side == 0 else right)[v]
             row = slope_class(border[1] if side == 0 else -border[1])
-            reachable_columns(border, border, first, last)
-            block_map(frames[v], stencils[side, row], first, last, values)
+            reachable_columns(border, border, blocks, first, last)
+            block_map(frames[v], stencils[side, row], blocks, first, last, values)
             score[v, side] = mean_value(
-                values, border[0], border[1], border[2], alpha[row] * grey, minimum_blocks
+                values, border[0], border[1], border[2], alpha[row] * grey, blocks, minimum_blocks
             )

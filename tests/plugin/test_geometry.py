@@ -9,7 +9,12 @@ from scipy.optimize import least_squares
 
 from camera_synth.camera import Camera, image_from_vehicle, projection
 from plugin.lane.estimate import Borders
-from plugin.lane.geometry import Plausibility, lane_estimate_from_borders, parabolas_from_road
+from plugin.lane.geometry import (
+    Plausibility,
+    lane_estimate_from_borders,
+    marking_centres,
+    parabolas_from_road,
+)
 
 CAMERA = Camera()
 ROWS = np.arange(1.0, 149.0, 3.0)
@@ -46,6 +51,15 @@ def straight_border(offset, slope, camera):
     (x1, y1, _), (x2, y2, _) = (image_from_vehicle(s, offset + slope * s, 0.0, p) for s in (9.0, 50.0))
     b = (x2 - x1) / (y2 - y1)
     return [0.0, b, x1 - b * y1]
+
+
+def test_markings_centres_lie_outside_their_inner_edges():
+    """Edges of a lane between markings 0.2 m wide, moved by half of that, are the projected centre lines."""
+    camera = Camera(pitch_rad=0.06, height_m=1.5)
+    edges = borders_of(straight_border(1.8, 0.01, camera), straight_border(-1.7, 0.01, camera))
+    centres = marking_centres(edges, camera, Plausibility(inset_m=0.1))
+    assert centres.left[0] == pytest.approx(straight_border(1.9, 0.01, camera), abs=1e-9)
+    assert centres.right[0] == pytest.approx(straight_border(-1.8, 0.01, camera), abs=1e-9)
 
 
 @given(st.floats(2.5, 4.4), st.floats(-0.8, 0.8), st.floats(-0.05, 0.05))

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from plugin.lane.objective import Objective, objective
+from camera_synth.camera import Camera
+from plugin.lane.objective import Objective, blocks_below_horizon, objective
 
 ROAD = (120, 200, 60)
 
@@ -79,6 +80,17 @@ def test_few_blocks_cannot_win():
     guarded = objective(frame, touching, touching)[0, 0]
     assert alone > 30.0
     assert guarded < alone / 9
+
+
+def test_blocks_end_at_the_horizon():
+    assert blocks_below_horizon(Camera()) == 50
+    assert blocks_below_horizon(Camera(pitch_rad=-0.03)) == 30  # horizon at y = 92, last block up to 89
+    with pytest.raises(ValueError, match="leaves 5 blocks: 10 are needed"):
+        blocks_below_horizon(Camera(pitch_rad=-0.11))
+    frame = np.full((1, 240, 320), 80, np.uint8)
+    frame[0, : 240 - 90] = 255  # only above the 30th block
+    border = np.array([[0.0, 1.0, 20.0]])
+    assert objective(frame, border, border, Objective(blocks=30))[0, 0] == pytest.approx(0.0)
 
 
 def test_wrong_frames_are_refused():
