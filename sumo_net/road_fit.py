@@ -166,7 +166,7 @@ def _smooth(q: Array, h: float, tolerance_m: float) -> Array:
             break
         # How far a curve strays grows with the scale: linearly at a kink, as its cube where a bend begins.
         less = (tolerance / np.maximum(away, 1e-9)) ** np.where(kink, 0.7, 0.4)
-        wanted = np.where(bad, scale * np.clip(0.95 * less, 0.3, 0.9), np.inf)
+        wanted = np.where(bad, scale * np.clip(0.95 * less, 0.3, 0.85), np.inf)
         scale = np.minimum(scale, _spread(np.maximum(wanted, SHORTEST_SCALE_M), h))
     return p
 

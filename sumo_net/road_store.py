@@ -76,7 +76,11 @@ class RoadStore:
             length = np.diff(station)
             self._put("segment_start_m", part, station[:-1])
             self._put("anchor_m", part, edge_station[:-1])
-            self._put("stretch", part, np.where(length > 0.05, np.diff(edge_station) / np.maximum(length, 0.05), 1.0))
+            self._put(
+                "stretch",
+                part,
+                np.where(length > 0.05, np.diff(edge_station) / np.maximum(length, 0.05), 1.0),
+            )
             for name in ("border_offset_m", "border_kind", "road_right_m", "road_left_m"):
                 self._put(name, part, getattr(section, name))
             row = part.stop
