@@ -21,8 +21,6 @@ class Bodies(NamedTuple):
 
     used: Array  # (1,) int64, bodies in view
     polygons: Array  # (M,) int64, of each
-    low: Array  # (M,) lowest image height of each
-    high: Array  # (M,)
     vertex: Array  # (M, POLYGONS, _VERTICES, 2)
     vertices: Array  # (M, POLYGONS) int64
     grey: Array  # (M, POLYGONS)
@@ -35,8 +33,6 @@ def new_bodies(count):  # type: ignore[no-untyped-def]
     return Bodies(
         np.zeros(1, np.int64),
         np.zeros(count, np.int64),
-        np.zeros(count),
-        np.zeros(count),
         np.zeros((count, POLYGONS, _VERTICES, 2)),
         np.zeros((count, POLYGONS), np.int64),
         np.zeros((count, POLYGONS)),
@@ -64,7 +60,6 @@ def place(bodies, objects, i, p, light, haze_grey, visibility):  # type: ignore[
     used = 0
     for at in range(found):
         bodies.polygons[used] = 0
-        bodies.low[used], bodies.high[used] = math.inf, -math.inf
         keep = visibility / (visibility + distance[at])
         _place_body(bodies, used, objects, i, order[at], p, light * keep, haze_grey * (1.0 - keep))
         if bodies.polygons[used] > 0:
@@ -185,46 +180,43 @@ def _polygon(bodies, b, corner, p, grey, opacity):  # type: ignore[no-untyped-de
     bodies.vertices[b, q] = used
     bodies.grey[b, q] = grey
     bodies.opacity[b, q] = opacity
-    for c in range(used):
-        bodies.low[b] = min(bodies.low[b], vertex[c, 1])
-        bodies.high[b] = max(bodies.high[b], vertex[c, 1])
     bodies.polygons[b] = q + 1
 
 
 @kernel
-def paint_bodies(row, y, bodies):  # type: ignore[no-untyped-def]
-    """Paint what the image row at height y shows of the bodies."""
+def paint_bodies(canvas, bodies):  # type: ignore[no-untyped-def]
+    """Paint the bodies on the canvas (rows, width) float32, image row y in its row y."""
     for b in range(bodies.used[0]):
-        if y + 0.5 <= bodies.low[b] or y - 0.5 >= bodies.high[b]:
-            continue
         for q in range(bodies.polygons[b]):
             _paint_polygon(
-                row, y, bodies.vertex[b, q], bodies.vertices[b, q], bodies.grey[b, q], bodies.opacity[b, q]
+                canvas, bodies.vertex[b, q], bodies.vertices[b, q], bodies.grey[b, q], bodies.opacity[b, q]
             )
 
 
 @kernel
-def _paint_polygon(row, y, vertex, used, grey, opacity):  # type: ignore[no-untyped-def]
-    low, high = math.inf, -math.inf
+def _paint_polygon(canvas, vertex, used, grey, opacity):  # type: ignore[no-untyped-def]
+    """A convex polygon, by the share of each pixel that it covers."""
+    rows, width = canvas.shape
+    bottom, top = math.inf, -math.inf
     for c in range(used):
-        low, high = min(low, vertex[c, 1]), max(high, vertex[c, 1])
-    low, high = max(low, y - 0.5), min(high, y + 0.5)
-    if high <= low:
-        return
-    middle = 0.5 * (low + high)
-    left, right = math.inf, -math.inf
-    for c in range(used):
-        d = (c + 1) % used
-        y0, y1 = vertex[c, 1], vertex[d, 1]
-        if (y0 <= middle) != (y1 <= middle):
-            x = vertex[c, 0] + (middle - y0) / (y1 - y0) * (vertex[d, 0] - vertex[c, 0])
-            left, right = min(left, x), max(right, x)
-    left, right = max(left, -1.0), min(right, row.shape[0] + 0.0)
-    if right <= left:
-        return
-    share = np.float32((high - low) * opacity)
+        bottom, top = min(bottom, vertex[c, 1]), max(top, vertex[c, 1])
     grey = np.float32(grey)
-    first, last = math.floor(left + 0.5), math.floor(right + 0.5)
-    for x in range(max(first, 0), min(last, row.shape[0] - 1) + 1):
-        cover = np.float32(min(x + 0.5, right) - max(x - 0.5, left)) * share
-        row[x] += cover * (grey - row[x])
+    first_row, last_row = max(math.floor(max(bottom, -1.0) + 0.5), 0), min(top + 0.5, rows - 1.0)
+    for y in range(first_row, math.floor(last_row) + 1):
+        low, high = max(bottom, y - 0.5), min(top, y + 0.5)
+        middle = 0.5 * (low + high)
+        left, right = math.inf, -math.inf
+        for c in range(used):
+            d = c + 1 if c + 1 < used else 0
+            y0, y1 = vertex[c, 1], vertex[d, 1]
+            if (y0 <= middle) != (y1 <= middle):
+                x = vertex[c, 0] + (middle - y0) / (y1 - y0) * (vertex[d, 0] - vertex[c, 0])
+                left, right = min(left, x), max(right, x)
+        left, right = max(left, -1.0), min(right, width + 0.0)
+        if right <= left or high <= low:
+            continue
+        share = np.float32((high - low) * opacity)
+        first, last = max(math.floor(left + 0.5), 0), min(math.floor(right + 0.5), width - 1)
+        for x in range(first, last + 1):
+            cover = np.float32(min(x + 0.5, right) - max(x - 0.5, left)) * share
+            canvas[y, x] += cover * (grey - canvas[y, x])

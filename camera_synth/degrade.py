@@ -7,6 +7,8 @@ octaves shorter than the ground that a row spans fade out, which leaves no wavel
 from typing import Any
 
 import numpy as np
+from numba.core import types
+from numba.extending import intrinsic
 
 from sumo_net.compile import kernel
 from sumo_net.randomness import bits
@@ -19,14 +21,24 @@ _P1, _P2, _P3 = np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE
 _M1, _M2 = np.uint32(0x21F0AAAD), np.uint32(0x735A2D97)
 
 
+@intrinsic
+def times(typing, a, b):  # type: ignore[no-untyped-def]
+    """a · b mod 2³² of two uint32 in 32 bits (numba's own product is of 64, which halves the vectors)."""
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.mul(*arguments)
+
+    return types.uint32(types.uint32, types.uint32), code
+
+
 @kernel
 def _lattice(hu, hv):  # type: ignore[no-untyped-def]
     """float32 in [-1, 1) of a lattice point, given its two scrambled coordinates."""
     h = np.uint32(hu ^ hv)
     h = np.uint32(h ^ (h >> np.uint32(16)))
-    h = np.uint32(h * _M1)
+    h = times(h, _M1)
     h = np.uint32(h ^ (h >> np.uint32(15)))
-    h = np.uint32(h * _M2)
+    h = times(h, _M2)
     return np.float32(np.int32(h >> np.uint32(8))) * np.float32(1.0 / 8388608.0) - np.float32(1.0)
 
 

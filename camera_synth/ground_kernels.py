@@ -30,6 +30,7 @@ class Curves(NamedTuple):
     start: Array  # (CURVES, J) ahead where a piece begins; entry `last` is the last one's end
     cubic: Array  # (CURVES, J, 4) aside over ahead - start
     kind: Array  # (CURVES, J) int8, 0 for nothing there
+    pose: Array  # (J, 5) of the path at each sample: ahead, aside, cosine and sine of its heading, curvature
     station: Array  # (J,) at each sample
     length: Array  # (J,) from a sample to the next
     advance: Array  # (J,) the same as the edge counts it; the length where the next edge counts anew
@@ -60,6 +61,7 @@ def new_curves(samples):  # type: ignore[no-untyped-def]
         np.zeros((CURVES, samples)),
         np.zeros((CURVES, samples, 4)),
         np.zeros((CURVES, samples), np.int8),
+        np.zeros((samples, 5)),
         np.zeros(samples),
         np.zeros(samples),
         np.zeros(samples),
@@ -82,95 +84,93 @@ def new_crossings(rows):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _offset(road, i, j, k):  # type: ignore[no-untyped-def]
-    if k < MAX_BORDERS:
-        return road.border_offset_m[i, j, k]
-    if k == RIGHT_EDGE:
-        return road.road_right_m[i, j]
-    if k == LEFT_EDGE:
-        return road.road_left_m[i, j]
-    return 0.0
-
-
-@kernel
 def tabulate(curves, road, i, p):  # type: ignore[no-untyped-def]
     """Fill `curves` from vehicle i of a RoadAhead, seen by a camera with Projection p."""
-    samples = road.forward_m.shape[1]
+    forward, left, heading = road.forward_m[i], road.left_m[i], road.heading_rad[i]
+    samples = forward.shape[0]
     first = 0
-    while first < samples and math.isnan(road.forward_m[i, first]):
+    while first < samples and math.isnan(forward[first]):
         first += 1
     known = first
-    while known < samples and not math.isnan(road.forward_m[i, known]):
+    while known < samples and not math.isnan(forward[known]):
         known += 1
     curves.goes_on[0] = known == samples
+    pose, bend = curves.pose, road.curvature_1pm[i]
     for j in range(first, known):
-        curves.station[j] = road.station_m[i, j]
-        if j + 1 < known:
-            chord = math.hypot(
-                road.forward_m[i, j + 1] - road.forward_m[i, j], road.left_m[i, j + 1] - road.left_m[i, j]
-            )
-            bend = 0.5 * (road.curvature_1pm[i, j] + road.curvature_1pm[i, j + 1])
-            length = chord * (1.0 + (bend * chord) ** 2 / 24.0)  # arc over its chord
-            counted = road.station_m[i, j + 1] - road.station_m[i, j]
-            curves.length[j] = length
-            curves.advance[j] = counted if abs(counted - length) < 0.3 * length else length
-    for k in range(CURVES):
+        f, g = forward[j] - p.forward, left[j] - p.left
+        sin_h, cos_h = math.sin(heading[j]), math.cos(heading[j])
+        pose[j, 0] = p.cos_yaw * f + p.sin_yaw * g
+        pose[j, 1] = -p.sin_yaw * f + p.cos_yaw * g
+        pose[j, 2] = p.cos_yaw * cos_h + p.sin_yaw * sin_h
+        pose[j, 3] = p.cos_yaw * sin_h - p.sin_yaw * cos_h
+        pose[j, 4] = bend[j]
+    station = road.station_m[i]
+    for j in range(first, known - 1):
+        chord = math.sqrt((pose[j + 1, 0] - pose[j, 0]) ** 2 + (pose[j + 1, 1] - pose[j, 1]) ** 2)
+        turn = 0.5 * (bend[j] + bend[j + 1]) * chord
+        length = chord * (1.0 + turn * turn / 24.0)  # arc over its chord
+        counted = station[j + 1] - station[j]
+        curves.length[j] = length
+        curves.advance[j] = counted if abs(counted - length) < 0.3 * length else length
+    curves.station[first:known] = station[first:known]
+    offset, kind = road.border_offset_m[i], road.border_kind[i]
+    for k in range(MAX_BORDERS):
         curves.last[k] = 0
-        used = k >= MAX_BORDERS
-        if not used:
-            for j in range(first, known):
-                if road.border_kind[i, j, k] != 0 and not math.isnan(road.border_offset_m[i, j, k]):
-                    used = True
-                    break
-        if used:
-            _tabulate_curve(curves, road, i, p, k, first, known)
+        for j in range(first, known):
+            if kind[j, k] != 0:
+                _tabulate_curve(curves, k, offset[:, k], kind[:, k], first, known)
+                break
+    every = np.ones(samples, np.int8)
+    _tabulate_curve(curves, RIGHT_EDGE, _column(road.road_right_m[i]), _column(every), first, known)
+    _tabulate_curve(curves, LEFT_EDGE, _column(road.road_left_m[i]), _column(every), first, known)
+    _tabulate_curve(curves, PATH, _column(np.zeros(samples)), _column(every), first, known)
 
 
 @kernel
-def _tabulate_curve(curves, road, i, p, k, first, known):  # type: ignore[no-untyped-def]
+def _column(values):  # type: ignore[no-untyped-def]
+    """The values as a column of a table, so that one compiled variant takes them and borders alike."""
+    return values.reshape(-1, 1)[:, 0]
+
+
+@kernel
+def _tabulate_curve(curves, k, offset, kind, first, known):  # type: ignore[no-untyped-def]
+    pose, lengths, start, cubic = curves.pose, curves.length, curves.start, curves.cubic
+    kinds = curves.kind
     curves.first[k] = first
+    last = 0
     for j in range(first, known - 1):
-        d0, d1 = _offset(road, i, j, k), _offset(road, i, j + 1, k)
+        d0, d1 = offset[j], offset[j + 1]
         seen = not (math.isnan(d0) or math.isnan(d1))
         if not seen:  # keep the pieces in step with the path; nothing is drawn on them
             d0 = 0.0 if math.isnan(d0) else d0
             d1 = d0 if math.isnan(d1) else d1
-        length = curves.length[j]
+        length = lengths[j]
         rate = (d1 - d0) / length if seen else 0.0
-        a0, b0, m0 = _point(road, i, j, p, d0, rate)
-        a1, b1, m1 = _point(road, i, j + 1, p, d1, rate)
+        a0, b0, m0 = _point(pose, j, d0, rate)
+        a1, b1, m1 = _point(pose, j + 1, d1, rate)
         run = a1 - a0
         if not (run > _MIN_FORWARD * length) or math.isnan(m0) or math.isnan(m1):
             break
         slope = (b1 - b0) / run
-        curves.start[k, j] = a0
-        curves.start[k, j + 1] = a1
-        curves.cubic[k, j, 0] = b0
-        curves.cubic[k, j, 1] = m0
-        curves.cubic[k, j, 2] = (3.0 * slope - 2.0 * m0 - m1) / run
-        curves.cubic[k, j, 3] = (m0 + m1 - 2.0 * slope) / (run * run)
-        if not seen:
-            curves.kind[k, j] = 0
-        elif k < MAX_BORDERS:
-            curves.kind[k, j] = road.border_kind[i, j, k]
-        else:
-            curves.kind[k, j] = 1
-        curves.last[k] = j + 1
+        start[k, j] = a0
+        start[k, j + 1] = a1
+        cubic[k, j, 0] = b0
+        cubic[k, j, 1] = m0
+        cubic[k, j, 2] = (3.0 * slope - 2.0 * m0 - m1) / run
+        cubic[k, j, 3] = (m0 + m1 - 2.0 * slope) / (run * run)
+        kinds[k, j] = kind[j] if seen else 0
+        last = j + 1
+    curves.last[k] = last
 
 
 @kernel
-def _point(road, i, j, p, d, rate):  # type: ignore[no-untyped-def]
+def _point(pose, j, d, rate):  # type: ignore[no-untyped-def]
     """(ahead, aside, d aside / d ahead) of the line at offset d, changing at `rate` per metre of path."""
-    f, g = road.forward_m[i, j] - p.forward, road.left_m[i, j] - p.left
-    sin_h, cos_h = math.sin(road.heading_rad[i, j]), math.cos(road.heading_rad[i, j])
-    c = p.cos_yaw * cos_h + p.sin_yaw * sin_h
-    s = p.cos_yaw * sin_h - p.sin_yaw * cos_h
-    ahead = p.cos_yaw * f + p.sin_yaw * g - d * s
-    aside = -p.sin_yaw * f + p.cos_yaw * g + d * c
-    along = 1.0 - road.curvature_1pm[i, j] * d
+    c, s = pose[j, 2], pose[j, 3]
+    along = 1.0 - pose[j, 4] * d
     run = along * c - rate * s
     slope = (along * s + rate * c) / run if run > _MIN_FORWARD else math.nan
-    return ahead, aside, slope
+    return pose[j, 0] - d * s, pose[j, 1] + d * c, slope
 
 
 @kernel
@@ -256,26 +256,6 @@ def paint_band(row, l0, l1, r0, r1, grey, opacity):  # type: ignore[no-untyped-d
     for x in range(first, last + 1):
         cover = (right_of(x, l0, l1) - right_of(x, r0, r1)) * opacity
         row[x] += np.float32(cover) * (np.float32(grey) - row[x])
-
-
-@kernel
-def cover_between(cover, l0, l1, r0, r1):  # type: ignore[no-untyped-def]
-    """Set `cover` to each pixel's share between two edges, which may lie far outside the image."""
-    width = cover.shape[0]
-    inner_first = min(max(math.floor(max(l0, l1) + 0.5) + 1, 0), width)
-    inner_end = min(max(math.floor(min(r0, r1) + 0.5), 0), width)
-    outer_first = min(max(math.floor(min(l0, l1) + 0.5), 0), width)
-    outer_end = min(max(math.floor(max(r0, r1) + 0.5) + 1, 0), width)
-    cover[:] = 0.0
-    if inner_first >= inner_end:
-        for x in range(outer_first, outer_end):
-            cover[x] = right_of(x, l0, l1) - right_of(x, r0, r1)
-        return
-    for x in range(outer_first, inner_first):
-        cover[x] = right_of(x, l0, l1) - right_of(x, r0, r1)
-    cover[inner_first:inner_end] = 1.0
-    for x in range(inner_end, outer_end):
-        cover[x] = right_of(x, l0, l1) - right_of(x, r0, r1)
 
 
 @kernel

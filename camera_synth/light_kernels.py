@@ -1,4 +1,4 @@
-"""The light on one image row of ground: trees' and overpasses' shadows, headlights, haze."""
+"""The light on the ground: trees' and overpasses' shadows, headlights, haze."""
 
 import math
 
@@ -6,59 +6,80 @@ import numpy as np
 
 from camera_synth.degrade import NODE_PX, add_value_noise, fade, interpolate, lattice_unit
 from camera_synth.ground_kernels import PATH
+from camera_synth.surface_kernels import strip_of
 from sumo_net.compile import kernel
 
 
 @kernel
-def light(row, shade, node, y, crossings, look, strip):  # type: ignore[no-untyped-def]
-    """Daylight less the shadows that lie on the row, headlights, then haze."""
-    keep = look.visibility_m / (look.visibility_m + strip.ahead)
-    haze = np.float32(look.haze_grey * look.ambient * (1.0 - keep))
-    ambient = look.ambient
-    even = True
-    if look.shadow > 0.0:
-        even = not _tree_shadow(node, look, strip)
-    if look.overpass > 0.0 and crossings.kind[y, PATH] != 0 and crossings.kind[y + 1, PATH] != 0:
-        s0, s1 = crossings.station[y, PATH], crossings.station[y + 1, PATH]
-        near, far = overpass_at(0.5 * (s0 + s1), look.overpass_spacing_m, look.world_seed)
-        slope = 0.5 * (crossings.slope[y, PATH] + crossings.slope[y + 1, PATH])
-        sideways = slope / math.sqrt(1.0 + slope * slope)
-        centre = 0.5 * (crossings.aside[y, PATH] + crossings.aside[y + 1, PATH])
-        half = 0.5 * max(strip.footprint, 0.6)
-        spread = (strip.aside + abs(strip.step) * 400.0) * abs(sideways)
-        middle = 0.5 * (s0 + s1)
-        if middle + spread + half > near and middle - spread - half < far:
-            if even:
-                node[:] = 1.0
-                even = False
-            for m in range(node.shape[0]):
-                s = middle + (strip.aside + strip.step * NODE_PX * m - centre) * sideways
-                inside = min(max(min(s + half, far) - max(s - half, near), 0.0), 2.0 * half) / (2.0 * half)
-                node[m] *= np.float32(1.0 - look.overpass * inside)
-    if look.headlight > 0.0:
-        if even:
+def light_ground(canvas, field, node, rows, crossings, look, view, p):  # type: ignore[no-untyped-def]
+    """Light the lowest `rows` rows of the canvas, and fade them to haze with the distance."""
+    even = look.shadow <= 0.0 and look.overpass <= 0.0 and look.headlight <= 0.0
+    if not even:
+        for y in range(rows):
+            strip = strip_of(y, crossings.ahead[y + 1] - crossings.ahead[y], view, p)
             node[:] = 1.0
-            even = False
-        fall = 1.0 + strip.ahead / look.headlight_reach_m
-        beam, width = look.headlight / (fall * fall), 2.0 + 0.18 * strip.ahead
-        for m in range(node.shape[0]):
-            t = (strip.aside + strip.step * NODE_PX * m) / width
-            node[m] = np.float32(ambient * node[m] + beam / (1.0 + t * t))
-        ambient = 1.0
-    if even:
-        scale = np.float32(keep * ambient)
-        for x in range(row.shape[0]):
-            row[x] = row[x] * scale + haze
-    else:
-        scale = np.float32(keep * ambient)
-        interpolate(node, shade)
-        for x in range(row.shape[0]):
-            row[x] = row[x] * (shade[x] * scale) + haze
+            if look.shadow > 0.0:
+                _tree_shadow(node, look, strip)
+            if look.overpass > 0.0 and crossings.kind[y, PATH] != 0 and crossings.kind[y + 1, PATH] != 0:
+                _overpass_shadow(node, y, crossings, look, strip)
+            if look.headlight > 0.0:
+                _headlights(node, look, strip)
+            interpolate(node, field[y])
+    daylight = 1.0 if look.headlight > 0.0 else look.ambient  # headlights have it counted in
+    for y in range(rows):
+        keep = look.visibility_m / (look.visibility_m + 0.5 * (crossings.ahead[y] + crossings.ahead[y + 1]))
+        haze = np.float32(look.haze_grey * look.ambient * (1.0 - keep))
+        if even:
+            _dim(canvas[y], np.float32(keep * daylight), haze)
+        else:
+            _shade(canvas[y], field[y], np.float32(keep * daylight), haze)
+
+
+@kernel
+def _dim(row, scale, haze):  # type: ignore[no-untyped-def]
+    for x in range(row.shape[0]):
+        row[x] = row[x] * scale + haze
+
+
+@kernel
+def _shade(row, share, scale, haze):  # type: ignore[no-untyped-def]
+    for x in range(row.shape[0]):
+        row[x] = row[x] * (share[x] * scale) + haze
+
+
+@kernel
+def _headlights(node, look, strip):  # type: ignore[no-untyped-def]
+    """Turn the share of daylight in `node` into light, with the headlights'."""
+    fall = 1.0 + strip.ahead / look.headlight_reach_m
+    beam, width = look.headlight / (fall * fall), 2.0 + 0.18 * strip.ahead
+    for m in range(node.shape[0]):
+        t = (strip.aside + strip.step * NODE_PX * m) / width
+        node[m] = np.float32(look.ambient * node[m] + beam / (1.0 + t * t))
+
+
+@kernel
+def _overpass_shadow(node, y, crossings, look, strip):  # type: ignore[no-untyped-def]
+    """Take the overpass's share of the light where the row lies in its shadow, a band across the road."""
+    s0, s1 = crossings.station[y, PATH], crossings.station[y + 1, PATH]
+    middle, half = 0.5 * (s0 + s1), 0.5 * max(strip.footprint, 0.6)
+    near, far = overpass_at(middle, look.overpass_spacing_m, look.world_seed)
+    slope = 0.5 * (crossings.slope[y, PATH] + crossings.slope[y + 1, PATH])
+    sideways = slope / math.sqrt(1.0 + slope * slope)  # station gained per metre to the left
+    centre = 0.5 * (crossings.aside[y, PATH] + crossings.aside[y + 1, PATH])
+    first = middle + (strip.aside - centre) * sideways
+    step = strip.step * NODE_PX * sideways
+    end = first + step * (node.shape[0] - 1)
+    if max(first, end) + half <= near or min(first, end) - half >= far:
+        return
+    for m in range(node.shape[0]):
+        s = first + step * m
+        inside = max(min(s + half, far) - max(s - half, near), 0.0) / (2.0 * half)
+        node[m] *= np.float32(1.0 - look.overpass * inside)
 
 
 @kernel
 def _tree_shadow(node, look, strip):  # type: ignore[no-untyped-def]
-    """Set node to the share of light that trees leave; False where there is nothing to set.
+    """Set `node` to the share of light that trees leave.
 
     Two octaves stretched along the sun's direction, and a slow one that says where trees stand at all.
     """
@@ -90,7 +111,6 @@ def _tree_shadow(node, look, strip):  # type: ignore[no-untyped-def]
     for m in range(node.shape[0]):
         t = min(max((node[m] - threshold) * sharp + half, zero), one)
         node[m] = one - strength * (t * t * (three - two * t))
-    return True
 
 
 @kernel

@@ -1,15 +1,13 @@
 """From the light on a row to 8-bit grey: exposure, vignetting, veil of glare, noise."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from camera_synth.degrade import NODE_PX, interpolate, smooth_walk
+from camera_synth.degrade import NODE_PX, interpolate, smooth_walk, times
 from sumo_net.compile import kernel
 from sumo_net.randomness import bits
-
-Array = np.ndarray[Any, Any]
 
 _VEIL_GREY = 235.0
 _M1, _M2 = np.uint32(0x21F0AAAD), np.uint32(0x735A2D97)
@@ -30,27 +28,6 @@ class Exposure(NamedTuple):
     noise: float  # standard deviation, grey levels
 
 
-class Sensor(NamedTuple):
-    """Scratch for one row."""
-
-    corner: Array  # (w,) float32, squared distance from the middle column, 1 in the corners with the row's
-    veil: Array  # (w,) float32
-    gain: Array  # (w,) float32
-    black: Array  # (w,) float32
-    node: Array  # (w / NODE_PX + 1,) float32
-    height: int
-
-
-@kernel
-def new_sensor(height, width):  # type: ignore[no-untyped-def]
-    """A Sensor for frames (height, width)."""
-    corner = np.zeros(width, np.float32)
-    for x in range(width):
-        corner[x] = (2.0 * x - width) ** 2 / (width**2 + height**2)
-    zeros = np.zeros((3, width), np.float32)
-    return Sensor(corner, zeros[0], zeros[1], zeros[2], np.zeros(width // NODE_PX + 1, np.float32), height)
-
-
 @kernel
 def exposure_of(look, sin_c, cos_c, horizon, p, key, counter):  # type: ignore[no-untyped-def]
     """The Exposure of frame `counter` of a camera that looks along (cos_c, sin_c) in the world."""
@@ -66,70 +43,63 @@ def exposure_of(look, sin_c, cos_c, horizon, p, key, counter):  # type: ignore[n
 
 
 @kernel
-def read_out(out, row, y, sensor, exposure, key, counter):  # type: ignore[no-untyped-def]
-    """out (w,) uint8: image row y of the frame `counter`, from the light on it, row (w,) float32."""
-    width, height = out.shape[0], sensor.height
-    veil = sensor.veil
-    if exposure.glare > 0.0:
-        node = sensor.node
-        rise = (y - exposure.sun_y) ** 2
-        for m in range(node.shape[0]):
-            away = (NODE_PX * m - exposure.sun_x) ** 2 + rise
-            node[m] = np.float32(exposure.glare * (0.45 + 0.55 / (1.0 + away / 140.0**2)))
-        interpolate(node, veil)
-    else:
-        veil[:] = 0.0
-    centre = (2.0 * y - height) ** 2 / (width**2 + height**2)
-    _set_transfer(
-        sensor.gain,
-        sensor.black,
-        sensor.corner,
-        veil,
-        np.float32(exposure.gain),
-        np.float32(exposure.offset),
-        np.float32(exposure.vignetting),
-        np.float32(centre),
-    )
-    expose(
-        out,
-        row,
-        sensor.gain,
-        sensor.black,
-        exposure.noise,
-        key,
-        np.uint64(counter) * np.uint64(4096) + np.uint64(y),
-    )
+def read_out(frame, canvas, field, node, exposure, key, counter):  # type: ignore[no-untyped-def]
+    """frame (height, width) uint8: number `counter`, from the light on its lowest rows, canvas (rows, width).
 
-
-@kernel
-def _set_transfer(gain, black, corner, veil, scale, offset, vignetting, centre):  # type: ignore[no-untyped-def]
-    one, veil_grey = np.float32(1.0), np.float32(_VEIL_GREY)
-    for x in range(gain.shape[0]):
-        gain[x] = scale * (one - vignetting * (corner[x] + centre)) * (one - veil[x])
-        black[x] = offset + veil_grey * veil[x]
-
-
-@kernel
-def expose(out, row, gain, black, sigma, key, counter):  # type: ignore[no-untyped-def]
-    """out (w,) uint8 = row · gain + black + noise, rounded and clipped; row, gain, black (w,) float32.
-
-    The noise of standard deviation sigma is the sum of the four bytes of a 32-bit hash of (key, counter,
-    column): mean 0, within 3.45 sigma, excess kurtosis −0.3, independent from draw to draw.
+    Frames are counted in the noise's key by 2¹² rows each.
     """
-    h64 = bits(key, counter)
-    k0, k1 = np.uint32(h64 & _WORD), np.uint32(h64 >> np.uint64(32))
+    height, width = frame.shape
+    rows = canvas.shape[0]
+    corner = np.zeros(width, np.float32)  # squared distance from the centre, 1 in the corners
+    for x in range(width):
+        corner[x] = (2.0 * x - width) ** 2 / (width**2 + height**2)
+    glaring = exposure.glare > 0.0
+    if glaring:
+        for y in range(rows):
+            rise = (y - exposure.sun_y) ** 2
+            for m in range(node.shape[0]):
+                away = (NODE_PX * m - exposure.sun_x) ** 2 + rise
+                node[m] = np.float32(exposure.glare * (0.45 + 0.55 / (1.0 + away / 140.0**2)))
+            interpolate(node, field[y])
+    else:
+        field[0] = 0.0
+    for y in range(rows):
+        dark = exposure.vignetting * (2.0 * y - height) ** 2 / (width**2 + height**2)
+        expose(
+            frame[height - 1 - y],
+            canvas[y],
+            field[y if glaring else 0],
+            corner,
+            np.float32(exposure.gain * (1.0 - dark)),
+            np.float32(exposure.gain * exposure.vignetting),
+            np.float32(exposure.offset),
+            exposure.noise,
+            bits(key, np.uint64(counter) * np.uint64(4096) + np.uint64(y)),
+        )
+
+
+@kernel
+def expose(out, row, veil, corner, gain, vignetting, black, sigma, key):  # type: ignore[no-untyped-def]
+    """out (w,) uint8 = row · (gain − vignetting · corner) + black, veiled, with noise, rounded and clipped.
+
+    row, veil, corner (w,) float32. The noise of standard deviation sigma is the sum of the four bytes of a
+    32-bit hash of (key, column), key 64 random bits: mean 0, within 3.45 sigma, excess kurtosis −0.3,
+    independent from draw to draw.
+    """
+    k0, k1 = np.uint32(key & _WORD), np.uint32(key >> np.uint64(32))
     scale = np.float32(sigma / _BYTE_SUM_DEVIATION)
     shift = np.float32(0.5 - _BYTE_SUM_MEAN * sigma / _BYTE_SUM_DEVIATION)
-    zero, white = np.float32(0.0), np.float32(255.0)
+    zero, white, veil_grey = np.float32(0.0), np.float32(255.0), np.float32(_VEIL_GREY)
     for x in range(out.shape[0]):
         h = np.uint32(k0 + np.uint32(x))
         h = np.uint32(h ^ (h >> np.uint32(16)))
-        h = np.uint32(np.uint32(h * _M1) ^ k1)
+        h = np.uint32(times(h, _M1) ^ k1)
         h = np.uint32(h ^ (h >> np.uint32(15)))
-        h = np.uint32(h * _M2)
+        h = times(h, _M2)
         h = np.uint32(h ^ (h >> np.uint32(15)))
         pairs = np.uint32(np.uint32(h & _LOW) + np.uint32((h >> np.uint32(8)) & _LOW))
         total = np.uint32((pairs & np.uint32(0xFFFF)) + (pairs >> np.uint32(16)))
-        value = row[x] * gain[x] + black[x] + (np.float32(np.int32(total)) * scale + shift)
-        value = min(max(value, zero), white)
-        out[x] = np.uint8(np.int32(value))
+        light = row[x] * (gain - vignetting * corner[x]) + black
+        light += veil[x] * (veil_grey - light)
+        light += np.float32(np.int32(total)) * scale + shift
+        out[x] = np.uint8(np.int32(min(max(light, zero), white)))

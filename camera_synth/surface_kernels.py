@@ -1,4 +1,9 @@
-"""Asphalt, verge and paint of one image row, before any light falls on it."""
+"""Asphalt, verge and paint on the canvas, before any light falls on them.
+
+The canvas (rows, width) float32 holds image row y (up from the bottom) in its row y. Each layer goes over the
+whole canvas before the next: a pass over what was written a moment ago in other chunks waits for the store
+buffer, which costs more than the arithmetic.
+"""
 
 import math
 from typing import NamedTuple
@@ -6,11 +11,20 @@ from typing import NamedTuple
 import numpy as np
 
 from camera_synth.degrade import NODE_PX, add_value_noise, fade, interpolate, soft_step, value_noise
-from camera_synth.ground_kernels import LEFT_EDGE, RIGHT_EDGE, cover_between, paint_band, paint_dashes
+from camera_synth.ground_kernels import LEFT_EDGE, RIGHT_EDGE, paint_band, paint_dashes, row_line
 from sumo_net.compile import kernel
 from sumo_net.road import DASHED, MAX_BORDERS
 
 _FAR = 1.0e6  # columns; stands for an edge outside the image
+
+
+class View(NamedTuple):
+    """A camera in the world: where it stands and where it looks."""
+
+    x: float
+    y: float
+    sin: float
+    cos: float
 
 
 class Strip(NamedTuple):
@@ -27,111 +41,158 @@ class Strip(NamedTuple):
 
 
 @kernel
-def paint_ground(row, cover, texture, node, y, crossings, look, strip):  # type: ignore[no-untyped-def]
-    """Asphalt between its edges and verge beside it, with the texture of both."""
-    kind, column = crossings.kind, crossings.column
-    right = kind[y, RIGHT_EDGE] != 0 and kind[y + 1, RIGHT_EDGE] != 0
-    left = kind[y, LEFT_EDGE] != 0 and kind[y + 1, LEFT_EDGE] != 0
-    if right or left:  # where one edge has turned away before the other, asphalt fills its side
-        l0 = column[y, LEFT_EDGE] if left else -_FAR
-        l1 = column[y + 1, LEFT_EDGE] if left else -_FAR
-        r0 = column[y, RIGHT_EDGE] if right else _FAR
-        r1 = column[y + 1, RIGHT_EDGE] if right else _FAR
-        cover_between(cover, l0, l1, r0, r1)
-    else:
-        cover[:] = 0.0
-    seed = look.world_seed
-    strength = look.texture
+def strip_of(y, footprint, view, p):  # type: ignore[no-untyped-def]
+    """The Strip of image row y."""
+    ahead, depth = row_line(y, p)
+    aside, step = p.center_x * depth / p.focal, -depth / p.focal
+    return Strip(
+        ahead,
+        footprint,
+        aside,
+        step,
+        view.x + view.cos * ahead - view.sin * aside,
+        view.y + view.sin * ahead + view.cos * aside,
+        -view.sin * step,
+        view.cos * step,
+    )
+
+
+@kernel
+def paint_ground(canvas, field, node, rows, crossings, look, view, p):  # type: ignore[no-untyped-def]
+    """Asphalt between its edges and verge beside it, with the texture of both, on the lowest `rows` rows."""
+    textured = 0  # the footprint grows upwards, so texture ends at some row
+    while textured < rows and look.texture > 0.0:
+        footprint = crossings.ahead[textured + 1] - crossings.ahead[textured]
+        if not _texture(field[textured], node, strip_of(textured, footprint, view, p), look):
+            break
+        textured += 1
+    for y in range(rows):
+        right = crossings.kind[y, RIGHT_EDGE] != 0 and crossings.kind[y + 1, RIGHT_EDGE] != 0
+        left = crossings.kind[y, LEFT_EDGE] != 0 and crossings.kind[y + 1, LEFT_EDGE] != 0
+        l0, l1, r0, r1 = _FAR, _FAR, -_FAR, -_FAR
+        if right or left:  # where one edge has turned away before the other, asphalt fills its side
+            l0 = crossings.column[y, LEFT_EDGE] if left else -_FAR
+            l1 = crossings.column[y + 1, LEFT_EDGE] if left else -_FAR
+            r0 = crossings.column[y, RIGHT_EDGE] if right else _FAR
+            r1 = crossings.column[y + 1, RIGHT_EDGE] if right else _FAR
+        # coverage of the pixels an edge passes, as a ramp over the columns that it takes
+        rise_l, rise_r = 1.0 / (1.0 + abs(l1 - l0)), 1.0 / (1.0 + abs(r1 - r0))
+        _tone(
+            canvas[y],
+            field[y],
+            np.float32(1.0 if y < textured else 0.0),
+            np.float32(rise_l),
+            np.float32(0.5 - 0.5 * (l0 + l1) * rise_l),
+            np.float32(rise_r),
+            np.float32(0.5 + 0.5 * (r0 + r1) * rise_r),
+            np.float32(look.verge_grey),
+            np.float32(look.asphalt_grey),
+            np.float32(look.texture),
+        )
+
+
+@kernel
+def _texture(out, node, strip, look):  # type: ignore[no-untyped-def]
+    """Set `out` to the texture of a row; False where the row is too far for any."""
     active = False
-    if strength > 0.0:
-        for octave in range(3):
-            wavelength = 0.4 * 4.0**octave
-            amplitude = fade(wavelength, strip.footprint)
-            if amplitude > 0.0:
-                if not active:
-                    node[:] = 0.0
-                    active = True
-                f = 1.0 / wavelength
-                add_value_noise(
-                    node,
-                    strip.x * f,
-                    strip.y * f,
-                    NODE_PX * strip.dx * f,
-                    NODE_PX * strip.dy * f,
-                    seed + 11 + octave,
-                    amplitude,
-                )
-    verge = np.float32(look.verge_grey)
-    rise = np.float32(look.asphalt_grey) - verge
+    for octave in range(3):
+        wavelength = 0.4 * 4.0**octave
+        amplitude = fade(wavelength, strip.footprint)
+        if amplitude > 0.0:
+            if not active:
+                node[:] = 0.0
+                active = True
+            f = 1.0 / wavelength
+            add_value_noise(
+                node,
+                strip.x * f,
+                strip.y * f,
+                NODE_PX * strip.dx * f,
+                NODE_PX * strip.dy * f,
+                look.world_seed + 11 + octave,
+                amplitude,
+            )
     if active:
-        interpolate(node, texture)
-        rough = np.float32(strength * 2.0)
-        less = np.float32(strength) - rough
-        for x in range(row.shape[0]):
-            row[x] = verge + rise * cover[x] + texture[x] * (rough + less * cover[x])
-    else:
-        for x in range(row.shape[0]):
-            row[x] = verge + rise * cover[x]
-    if look.wheel_tracks > 0.0:
+        interpolate(node, out)
+    return active
+
+
+@kernel
+def _tone(row, texture, textured, rise_l, at_l, rise_r, at_r, verge, asphalt, strength):  # type: ignore[no-untyped-def]
+    zero, one = np.float32(0.0), np.float32(1.0)
+    rough = np.float32(2.0) * strength * textured  # of the verge
+    less, step = strength * textured - rough, asphalt - verge
+    for x in range(row.shape[0]):
+        f = np.float32(x)
+        cover = min(max(min(f * rise_l + at_l, at_r - f * rise_r), zero), one)
+        row[x] = verge + step * cover + texture[x] * (rough + less * cover)
+
+
+@kernel
+def paint_tracks(canvas, rows, crossings, look):  # type: ignore[no-untyped-def]
+    """Two darker wheel tracks in each lane between markings."""
+    kind, column = crossings.kind, crossings.column
+    for y in range(rows):
+        row = canvas[y]
         for k in range(MAX_BORDERS - 1):
-            if kind[y, k] != 0 and kind[y, k + 1] != 0 and kind[y + 1, k] != 0 and kind[y + 1, k + 1] != 0:
-                a = 0.5 * (column[y, k] + column[y + 1, k])
-                span = 0.5 * (column[y, k + 1] + column[y + 1, k + 1]) - a
-                _paint_track(row, a + 0.3 * span, 0.13 * abs(span), look.wheel_tracks)
-                _paint_track(row, a + 0.7 * span, 0.13 * abs(span), look.wheel_tracks)
+            if kind[y, k] == 0 or kind[y, k + 1] == 0 or kind[y + 1, k] == 0 or kind[y + 1, k + 1] == 0:
+                continue
+            a = 0.5 * (column[y, k] + column[y + 1, k])
+            span = 0.5 * (column[y, k + 1] + column[y + 1, k + 1]) - a
+            half = 0.13 * abs(span)
+            if half >= 1.5:
+                _paint_track(row, a + 0.3 * span, half, look.wheel_tracks)
+                _paint_track(row, a + 0.7 * span, half, look.wheel_tracks)
 
 
 @kernel
 def _paint_track(row, centre, half, grey):  # type: ignore[no-untyped-def]
-    if half < 1.5:
-        return
     first = min(max(math.ceil(centre - half), 0), row.shape[0])
     end = min(max(math.floor(centre + half) + 1, 0), row.shape[0])
-    c, scale, depth, one = np.float32(centre), np.float32(1.0 / half), np.float32(grey), np.float32(1.0)
-    for x in range(first, end):
-        t = (np.float32(x) - c) * scale
+    part = row[first:end]
+    start, scale = np.float32((first - centre) / half), np.float32(1.0 / half)
+    depth, one = np.float32(grey), np.float32(1.0)
+    for x in range(part.shape[0]):
+        t = start + np.float32(x) * scale
         t = one - t * t
-        row[x] -= depth * t * t
+        part[x] -= depth * t * t
 
 
 @kernel
-def paint_markings(row, y, crossings, look, strip):  # type: ignore[no-untyped-def]
+def paint_markings(canvas, rows, crossings, look, view, p):  # type: ignore[no-untyped-def]
+    """The lines, by the share of each pixel that they cover, less what is worn."""
     kind, column, scale, station = crossings.kind, crossings.column, crossings.scale, crossings.station
-    stroke = look.dash_stroke_m
-    period = stroke + look.dash_gap_m
-    first, last = MAX_BORDERS, -1
-    for k in range(MAX_BORDERS):
-        if kind[y, k] != 0:
-            first, last = min(first, k), k
-    for k in range(first, last + 1):
-        if kind[y, k] == 0 or kind[y + 1, k] == 0:
-            continue
-        line = look.edge_width_m if k in (first, last) else look.marking_width_m
-        h0, h1 = 0.5 * line * scale[y, k], 0.5 * line * scale[y + 1, k]
-        c0, c1 = column[y, k], column[y + 1, k]
-        if max(c0 + h0, c1 + h1) < -1.0 or min(c0 - h0, c1 - h1) > row.shape[0]:
-            continue
-        opacity = 1.0
-        if look.wear > 0.0 or look.missing > 0.0:
-            x = 0.5 * (c0 + c1)
-            opacity = _paint_left(look, strip.x + x * strip.dx, strip.y + x * strip.dy, strip.footprint)
-        grey = look.paint_grey
-        if kind[y, k] == DASHED:
-            paint_dashes(
-                row,
-                c0 - h0,
-                c1 - h1,
-                c0 + h0,
-                c1 + h1,
-                station[y, k],
-                station[y + 1, k],
-                stroke,
-                period,
-                grey,
-                opacity,
-            )
-        else:
-            paint_band(row, c0 - h0, c1 - h1, c0 + h0, c1 + h1, grey, opacity)
+    stroke, period = look.dash_stroke_m, look.dash_stroke_m + look.dash_gap_m
+    worn = look.wear > 0.0 or look.missing > 0.0
+    grey = look.paint_grey
+    for y in range(rows):
+        row = canvas[y]
+        strip = strip_of(y, crossings.ahead[y + 1] - crossings.ahead[y], view, p)
+        first, last = MAX_BORDERS, -1
+        for k in range(MAX_BORDERS):
+            if kind[y, k] != 0:
+                first, last = min(first, k), k
+        for k in range(first, last + 1):
+            if kind[y, k] == 0 or kind[y + 1, k] == 0:
+                continue
+            width = look.edge_width_m if k in (first, last) else look.marking_width_m
+            h0, h1 = 0.5 * width * scale[y, k], 0.5 * width * scale[y + 1, k]
+            c0, c1 = column[y, k], column[y + 1, k]
+            if max(c0 + h0, c1 + h1) < -1.0 or min(c0 - h0, c1 - h1) > row.shape[0]:
+                continue
+            s0, s1 = station[y, k], station[y + 1, k]
+            l0, l1, r0, r1 = c0 - h0, c1 - h1, c0 + h0, c1 + h1
+            dashed = kind[y, k] == DASHED
+            if dashed and s1 - math.floor(s0 / period) * period < period and s0 % period > stroke:
+                continue
+            opacity = 1.0
+            if worn:
+                x = 0.5 * (c0 + c1)
+                opacity = _paint_left(look, strip.x + x * strip.dx, strip.y + x * strip.dy, strip.footprint)
+            if dashed:
+                paint_dashes(row, l0, l1, r0, r1, s0, s1, stroke, period, grey, opacity)
+            else:
+                paint_band(row, l0, l1, r0, r1, grey, opacity)
 
 
 @kernel
