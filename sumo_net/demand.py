@@ -16,6 +16,7 @@ from sumo_net.network import BuiltNetwork, Carriageway
 from sumo_net.randomness import generator
 from sumo_net.settings import SettingsError, settings
 
+_MOST_SINKS = 20  # destinations from one place in a user's network
 _ENTRY_M = 30.0  # nothing is placed this close to the beginning, where the flows enter
 
 
@@ -86,7 +87,7 @@ class Demand:
     backward_flow_per_lane_vph: float | None = Field(
         None, ge=0, le=3000, description="the other way on the built-in highway, where it is not the same"
     )
-    filled: bool = Field(True, description="vehicles are spread over the road at the start")
+    filled: bool = Field(True, description="the built-in highway is full from the start")
     car: Car = Field(default_factory=Car)
     van: Van = Field(default_factory=Van)
     truck: Truck = Field(default_factory=Truck)
@@ -142,6 +143,9 @@ def write_network_demand(demand: Demand, net_file: Path, end_s: float, seed: int
     for source in sources:
         reached = _reachable(source)
         ends = [edge for edge in sinks if edge.getID() in reached and edge is not source]
+        if len(ends) > _MOST_SINKS:
+            draw = generator(seed, source.getID(), "demand")
+            ends = [ends[i] for i in sorted(draw.choice(len(ends), size=_MOST_SINKS, replace=False))]
         if not ends and source in sinks:
             ends = [source]  # an edge that stands alone
         vph = demand.flow_per_lane_vph * source.getLaneNumber() / max(len(ends), 1)

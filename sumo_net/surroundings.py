@@ -1,17 +1,15 @@
 """What stands and drives around each equipped vehicle, in its own frame."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from sumo_net.frames import vehicle_from_world, wrap_angle
-from sumo_net.traffic import Snapshot
+from sumo_net.snapshot import Array, Snapshot
 
 REACH_M = 200.0
 MAX_OBJECTS = 32
-
-Array = np.ndarray[Any, Any]
 
 
 class Objects(NamedTuple):

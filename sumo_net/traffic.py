@@ -6,7 +6,7 @@ left positive here, and nowhere else.
 """
 
 import contextlib
-import os
+import subprocess
 import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,9 +15,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from sumo_net.frames import heading_from_sumo_angle
+from sumo_net.snapshot import Array, Snapshot
 from sumo_net.start_up import cause, is_left_hand, one_line, set_sumo_home, standard_error
-
-Array = np.ndarray[Any, Any]
 
 STEP_S = 0.1
 _INVALID = -1e9  # SUMO's INVALID_DOUBLE_VALUE is -2**30
@@ -27,26 +26,8 @@ class TrafficError(RuntimeError):
     """SUMO could not start, or does not run in a way that this project can work with."""
 
 
-class Snapshot(NamedTuple):
-    """All N vehicles now, ordered by handle.
-
-    A teleporting vehicle is nowhere, so it is not in the snapshot; a parked one has lane -1 and NaN for
-    `lane_position_m` and `lateral_m`.
-    """
-
-    handle: Array  # (N,) int64, number given to a vehicle at first sight, never reused
-    x_m: Array  # centre of the front bumper, world (SUMO position)
-    y_m: Array
-    heading_rad: Array  # counter-clockwise from +x, in [-pi, pi)
-    speed_mps: Array
-    acceleration_mps2: Array
-    lane: Array  # int32 index into Traffic.lane_ids, -1 when on none
-    lane_position_m: Array  # front bumper along SUMO's lane
-    lateral_m: Array  # SUMO lateral lane position, left positive
-    length_m: Array
-    width_m: Array
-    height_m: Array
-    signals: Array  # int32 SUMO signal bits
+class NotRunningError(TrafficError):
+    """There is no simulation to attach to."""
 
 
 class _Kind(NamedTuple):
@@ -105,11 +86,14 @@ class Traffic:
                 raise
             except Exception as error:
                 raise TrafficError(f"SUMO did not start: {cause(words(), str(error))}") from None
-        try:
-            traffic = cls(simulation, owned=True)
-        except BaseException:
-            simulation.close()
-            raise
+            try:
+                traffic = cls(simulation, owned=True)
+            except BaseException as error:
+                with contextlib.suppress(Exception):  # the other process may have ended
+                    simulation.close()
+                if isinstance(error, NotRunningError):  # it answered, and then failed to load
+                    raise TrafficError(f"SUMO did not start: {cause(words(), str(error))}") from None
+                raise
         Traffic._started = traffic
         return traffic
 
@@ -142,7 +126,7 @@ class Traffic:
                 raise AttributeError
             step = float(self._sumo.simulation.getDeltaT())
         except (*self._lost, self._refused, AttributeError):
-            raise TrafficError(
+            raise NotRunningError(
                 "the simulation is not running: start it first, as in "
                 'libsumo.start(["sumo", "-c", "mine.sumocfg", "--step-length", "0.1"])'
             ) from None
@@ -418,6 +402,14 @@ def _start_gui(arguments: Sequence[str]) -> Any:
     import sumolib
     import traci
 
-    label = f"sumo-adas-{os.getpid()}"
-    traci.start([sumolib.checkBinary("sumo-gui"), *arguments, "--start", "--quit-on-end"], label=label)
-    return traci.getConnection(label)
+    port = sumolib.miscutils.getFreeSocketPort()
+    program = sumolib.checkBinary("sumo-gui")
+    words = [program, *arguments, "--start", "--quit-on-end", "--remote-port", str(port)]
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
+    try:
+        with contextlib.redirect_stdout(None):  # traci tells of every attempt
+            return traci.connect(port, numRetries=600, proc=process, waitBetweenRetries=0.1)
+    except BaseException:
+        process.kill()
+        process.wait()
+        raise

@@ -1,6 +1,7 @@
 """The coupling with a real SUMO: a straight road of two edges with three lanes, 33 m/s."""
 
 import subprocess
+import time
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -299,3 +300,25 @@ def test_close_completes_sumos_own_outputs_and_can_be_called_twice(road: Path, t
     assert len(ET.parse(output).getroot()) == 20
     with pytest.raises(TrafficError, match="SUMO stopped"):
         traffic.step()
+
+
+def test_a_window_is_a_simulation_in_its_own_process(road: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Without a screen: the same program without its window.
+    monkeypatch.setattr("sumolib.checkBinary", lambda _: str(BIN / "sumo"))
+    with Traffic.start(arguments(road), gui=True) as traffic:
+        run(traffic, 10)
+        snapshot = traffic.snapshot()
+        traffic.set_color(traffic.handle("ego"), 255, 0, 0)
+        with pytest.raises(TrafficError, match="already running"):
+            Traffic.start(arguments(road))
+    with Traffic.start(arguments(road)) as inside:
+        run(inside, 10)
+        np.testing.assert_array_equal(inside.snapshot().x_m, snapshot.x_m)
+
+
+def test_a_window_that_cannot_open_says_so_at_once(road: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sumolib.checkBinary", lambda _: str(BIN / "sumo"))
+    began = time.monotonic()
+    with pytest.raises(TrafficError, match=r"did not start: .*'none.net.xml' is not accessible"):
+        Traffic.start(["-n", "none.net.xml", "--step-length", "0.1"], gui=True)
+    assert time.monotonic() - began < 20

@@ -1,0 +1,29 @@
+"""All vehicles of a simulation at one time, as columns."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+Array = np.ndarray[Any, Any]
+
+
+class Snapshot(NamedTuple):
+    """All N vehicles now, ordered by handle.
+
+    A teleporting vehicle is nowhere, so it is not in the snapshot; a parked one has lane -1 and NaN for
+    `lane_position_m` and `lateral_m`.
+    """
+
+    handle: Array  # (N,) int64, number given to a vehicle at first sight, never reused
+    x_m: Array  # centre of the front bumper, world (SUMO position)
+    y_m: Array
+    heading_rad: Array  # counter-clockwise from +x, in [-pi, pi)
+    speed_mps: Array
+    acceleration_mps2: Array
+    lane: Array  # int32 index into Traffic.lane_ids, -1 when on none
+    lane_position_m: Array  # front bumper along SUMO's lane
+    lateral_m: Array  # SUMO lateral lane position, left positive
+    length_m: Array
+    width_m: Array
+    height_m: Array
+    signals: Array  # int32 SUMO signal bits
