@@ -41,8 +41,13 @@ class Driver:
 
     bandwidth_rps: float = Field(0.70, gt=0, le=2, description="natural frequency of lane keeping, rad/s")
     damping: float = Field(0.80, gt=0, le=2, description="damping ratio of lane keeping")
+    tight_gain: float = Field(
+        2.5,
+        ge=0,
+        le=4,
+        description="in city turns (R < 25 m) bandwidth and correction grow by this factor + 1",
+    )
     noise_time_s: float = Field(1.5, gt=0, description="correlation time of the steer's disturbance")
-    preview_s: float = Field(0.40, ge=0, le=3, description="curvature is fed forward from so far ahead")
     steer_lag_s: float = Field(0.15, gt=0.02, description="time constant of arm and wheel")
     steer_rate_most_rps: float = Field(0.50, gt=0, description="of the front wheels, rad/s")
     steer_most_rad: float = Field(0.60, gt=0, le=1, description="of the front wheels")
@@ -129,8 +134,8 @@ class DriverNumbers(NamedTuple):
 
     bandwidth: float
     damping: float
+    tight_gain: float
     noise_time: float
-    preview: float
     steer_lag: float
     steer_rate_most: float
     steer_most: float
@@ -151,17 +156,19 @@ class DriverNumbers(NamedTuple):
     understeer: float  # K_u / L
     wheelbase: float
     noise_scale: Array  # (16,) disturbance in m/s² per metre of SDLP at 0, 4, … 60 m/s
+    preview: Array  # (16,) s ahead at which the driver reads curvature and the wanted line
 
 
 def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
     """The kernel's view of a population of drivers in a vehicle."""
     speeds = np.arange(_TABLE_SPEEDS) * TABLE_SPEED_STEP_MPS
     scale = [1.0 / unit_sd(driver, vehicle, max(float(v), driver.slow_mps)) for v in speeds]
+    preview = [max(driver.steer_lag_s + response_delay(vehicle, max(float(v), 1.0)), 0.0) for v in speeds]
     return DriverNumbers(
         bandwidth=driver.bandwidth_rps,
         damping=driver.damping,
+        tight_gain=driver.tight_gain,
         noise_time=driver.noise_time_s,
-        preview=driver.preview_s,
         steer_lag=driver.steer_lag_s,
         steer_rate_most=driver.steer_rate_most_rps,
         steer_most=driver.steer_most_rad,
@@ -182,6 +189,7 @@ def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
         understeer=vehicle.understeer / vehicle.wheelbase_m,
         wheelbase=vehicle.wheelbase_m,
         noise_scale=np.array(scale),
+        preview=np.array(preview),
     )
 
 
@@ -208,6 +216,17 @@ def unit_sd(driver: Driver, vehicle: Vehicle, speed_mps: float) -> float:
     Q = np.zeros((6, 6))
     Q[5, 5] = 2.0 / driver.noise_time_s
     return math.sqrt(solve_continuous_lyapunov(F, -Q)[2, 2])
+
+
+def response_delay(vehicle: Vehicle, speed_mps: float) -> float:
+    """Seconds by which lateral acceleration follows a slowly varying steer: −d/ds ln G(s) at s = 0.
+
+    A driver who looks so far ahead (plus the lag of arm and wheel) neither cuts a bend nor runs wide of it.
+    """
+    A, B = single_track(vehicle, speed_mps)
+    C = A[0] + np.array([0.0, speed_mps])  # a_y = v̇_y + v γ
+    once = np.linalg.solve(A, B[:, 0])
+    return float(C @ np.linalg.solve(A, once) / (B[0, 0] - C @ once))
 
 
 def traits(driver: Driver, vehicle: Vehicle, seed: int, vehicle_ids: Sequence[str], width_m: Array) -> Traits:

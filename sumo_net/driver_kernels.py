@@ -12,7 +12,7 @@ from sumo_net.randomness import normal, uniform
 STEP_S = 0.1
 RECOVERY_S = 5.0  # an episode counts as the cause of what follows at most so long
 RECOVERED_M = 0.3  # and no longer once the vehicle is so near its line
-_TABLE_SPEED_STEP_MPS = 4.0  # of DriverNumbers.noise_scale
+_TABLE_SPEED_STEP_MPS = 4.0
 
 
 @kernel
@@ -169,25 +169,37 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
 
 
 @kernel
-def disturbance(noise, sd, v, c):  # type: ignore[no-untyped-def]
-    """Lateral acceleration in m/s² of a standard normal `noise` for a driver of SDLP `sd` at speed v."""
-    at = min(v / _TABLE_SPEED_STEP_MPS, len(c.noise_scale) - 1.001)
+def at_speed(table, v):  # type: ignore[no-untyped-def]
+    """Linear interpolation in a table (16,) at 0, 4, … 60 m/s of DriverNumbers; its ends beyond."""
+    at = min(max(v, 0.0) / _TABLE_SPEED_STEP_MPS, len(table) - 1.001)
     low = int(at)
     share = at - low
-    return noise * sd * ((1.0 - share) * c.noise_scale[low] + share * c.noise_scale[low + 1])
+    return (1.0 - share) * table[low] + share * table[low + 1]
 
 
 @kernel
-def corrected_curvature(d, drift, line, line_rate, line_rate2, noise_mps2, v_scale, curvature, c):  # type: ignore[no-untyped-def]
+def tightness(curvature):  # type: ignore[no-untyped-def]
+    """0 on bends wider than R 167 m, 1 on turns tighter than R 25 m: there a driver steers harder."""
+    return min(max((abs(curvature) - 0.006) / 0.034, 0.0), 1.0)
+
+
+@kernel
+def corrected_curvature(d, drift, line, rate, rate2, noise_mps2, v_scale, curvature, tight, c):  # type: ignore[no-untyped-def]
     """Curvature in 1/m that an attentive driver asks for.
 
-    d, drift: offset in m and its rate in m/s at v_scale; line…: the line wanted, with two derivatives;
-    curvature: the path's, at the preview point. The correction acts as a lateral acceleration: an error
-    dies out with the driver's bandwidth and damping at any speed above c.slow.
+    d, drift: offset in m and its rate in m/s at v_scale; line, rate, rate2: the line wanted and its
+    derivatives; curvature: the path's, at the preview point; tight: its tightness. The correction acts as a
+    lateral acceleration: an error dies out with the driver's bandwidth and damping at any speed above c.slow.
+    Friction limits what is asked for, unless SUMO drives the bend itself faster than that.
     """
-    correction = -c.bandwidth * (2.0 * c.damping * (drift - line_rate) + c.bandwidth * (d - line))
-    correction += line_rate2 + noise_mps2
-    correction = min(max(correction, -c.correction_most), c.correction_most)
+    bandwidth = c.bandwidth * (1.0 + c.tight_gain * tight)
+    correction = -bandwidth * (2.0 * c.damping * (drift - rate) + bandwidth * (d - line))
+    correction += rate2 + noise_mps2
+    correction_most = c.correction_most * (1.0 + c.tight_gain * tight)
+    # whoever drifts off at more than 2 m/s forgets comfort
+    panic = min(max(0.5 * abs(drift - rate) - 1.0, 0.0), 1.0)
+    correction_most += panic * max(c.acceleration_most - correction_most, 0.0)
+    correction = min(max(correction, -correction_most), correction_most)
     square = v_scale * v_scale
-    most = c.acceleration_most / square if v_scale > c.slow else 1.0
-    return min(max(curvature + correction / square, -most), most)
+    most = max(c.acceleration_most, (correction_most + abs(curvature) * square) if tight > 0.0 else 0.0)
+    return min(max(curvature + correction / square, -most / square), most / square)

@@ -6,12 +6,14 @@ Road frame: d left of the path, e = heading minus the path's heading; ḋ = v si
 import math
 
 from sumo_net.compile import kernel
-from sumo_net.driver_kernels import STEP_S, attend, corrected_curvature, disturbance, profile
+from sumo_net.driver_kernels import STEP_S, at_speed, attend, corrected_curvature, profile, tightness
 from sumo_net.vehicle import derivatives
 
 SUBSTEPS = 10
 KINEMATIC_BELOW_MPS = 2.0
 DYNAMIC_ABOVE_MPS = 4.0
+GUIDED_FROM_MPS2 = 6.0  # curves that ask for more lateral acceleration are not left to the tyres alone
+_GUIDE_PER_STEP = 0.4
 _RELAXATION_1PS = 25.0  # towards rolling without slip, like the tyres' own rate at 4 m/s
 _F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10 = (1.0 / math.factorial(k) for k in range(3, 11))
 
@@ -90,6 +92,24 @@ def runge_kutta(x, steer, steer_end, along, along_end, curvature, curvature_end,
 
 
 @kernel
+def guided(x, line, curvature, along, share, p):  # type: ignore[no-untyped-def]
+    """Draw x = (d, e, v_y, γ) by `share` towards rolling along the path on the driver's line.
+
+    SUMO takes city turns and kinks of its lanes at speeds that no tyre bears. A vehicle that obeys physics
+    would leave the road there; this one is led along it, and what it reports there is no driving.
+    """
+    yaw_rate = curvature * along
+    v_y = p.l_r * yaw_rate
+    slip = math.atan2(v_y, max(along, 1.0))
+    return (
+        x[0] + share * (line - x[0]),
+        x[1] + share * (-slip - x[1]),
+        x[2] + share * (v_y - x[2]),
+        x[3] + share * (yaw_rate - x[3]),
+    )
+
+
+@kernel
 def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
     """One step of 0.1 s for n vehicles, written into `motion` (Motion) and `mind` (Mind), the caller's own.
 
@@ -108,11 +128,15 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         # SUMO's displacement is not the mean speed times the step (Euler): keep both exactly
         stretch = drive.distance_m[i] / (STEP_S * v_mean) if v_mean > 0.01 else 1.0
 
+        tight = tightness(max(abs(k_old), abs(k_new), abs(look_new)))
         square = v_new * v_new
         calm = (
             abs(k_new) * square < c.calm_curve
             and abs(drive.curvature_sight_1pm[i] - k_new) * square < c.calm_change
         )
+        if tight > 0.2:  # R < 78 m: nobody turns a corner with the eyes off the road
+            calm = False
+            mind.episode_left_s[i] = min(mind.episode_left_s[i], STEP_S)
         front = x[0] + p.l_f * math.sin(x[1])
         noise_new = attend(
             mind, traits, i, x[0], front, drive.half_lane_m[i], steer, calm, drive.alerted[i], c
@@ -121,7 +145,8 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         mind.noise[i] = noise_new
         frozen = mind.episode_left_s[i] > 0.0
         held, drift_error = mind.held_steer_rad[i], mind.drift_mps2[i]
-        scale = disturbance(1.0, traits.sd_m[i], v_mean, c)
+        scale = traits.sd_m[i] * at_speed(c.noise_scale, v_mean)  # m/s² of disturbance
+        preview = at_speed(c.preview, v_mean)
         target, elapsed, duration = traits.offset_m[i], mind.change_elapsed_s[i], mind.change_duration_s[i]
         start, start_rate, start_rate2 = (
             mind.change_from_m[i], mind.change_rate_mps[i], mind.change_rate2_mps2[i],
@@ -139,11 +164,11 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
                 sine, cosine = sine_cosine(x[1])
                 drift = v_scale * (sine + x[2] * cosine / max(v, 1.0))
                 line, line_rate, _ = profile(start, start_rate, start_rate2, target, elapsed, duration)
-                _, _, rate2 = profile(start, start_rate, start_rate2, target, elapsed + c.preview, duration)
+                _, _, rate2 = profile(start, start_rate, start_rate2, target, elapsed + preview, duration)
                 noise = scale * (noise_old + begin * (noise_new - noise_old))
                 look = look_old + begin * (look_new - look_old)
                 asked = steer_per_curvature * corrected_curvature(
-                    x[0], drift, line, line_rate, rate2, noise, v_scale, look, c
+                    x[0], drift, line, line_rate, rate2, noise, v_scale, look, tight, c
                 )
             asked = min(max(asked, -c.steer_most), c.steer_most)
             move = min(max(steer_share * (asked - steer), -steer_move_most), steer_move_most)
@@ -152,6 +177,11 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
             elapsed += h * min(1.0, v / c.slow)
 
         mind.change_elapsed_s[i] = elapsed
+        bend = max(abs(k_old), abs(k_new), abs(look_old), abs(look_new))
+        guide = _GUIDE_PER_STEP * min(max((bend * v_mean * v_mean - GUIDED_FROM_MPS2) / 4.0, 0.0), 1.0)
+        if guide > 0.0:
+            line, _, _ = profile(start, start_rate, start_rate2, target, elapsed, duration)
+            x = guided(x, line, k_new, stretch * v_new, guide, p)
         motion.offset_m[i], motion.heading_rad[i] = x[0], x[1]
         motion.lateral_speed_mps[i], motion.yaw_rate_rps[i] = x[2], x[3]
         motion.steer_rad[i] = steer

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from sumo_net.compile import kernel
-from sumo_net.driver_kernels import STEP_S, reference, restart, shift_line
+from sumo_net.driver_kernels import STEP_S, at_speed, reference, restart, shift_line
 from sumo_net.ego_kernels import forward_speed
 from sumo_net.frames import wrap_angle
 from sumo_net.road_kernels import containing_lanes, pose_at, project, segment_at, station_of
@@ -23,7 +23,7 @@ _MOST_HEADING_RAD = 1.2
 
 @kernel
 def stretch_of(table, path):  # type: ignore[no-untyped-def]
-    """Metres along the path per metre that SUMO counts on the path's own lane; 1 on lanes too short to say."""
+    """Metres along the path per metre that SUMO counts on its own lane; 1 where that is too short to say."""
     if table.own_length_m[path] < 5.0:
         return 1.0
     stretch = (table.own_end_m[path] - table.own_start_m[path]) / table.own_length_m[path]
@@ -102,7 +102,7 @@ def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper,
         lead *= 1.0 - fade * min(1.0, along / c.slow)
         station = max(place + lead, motion.station_m[i])
         before, after = motion.station_m[i], station
-        preview = c.preview
+        preview = at_speed(c.preview, along)
         _, _, _, drive.curvature_before_1pm[i] = pose_at(table, path, before)
         _, _, _, drive.curvature_after_1pm[i] = pose_at(table, path, after)
         _, _, _, drive.preview_before_1pm[i] = pose_at(table, path, before + preview * motion.along_mps[i])
