@@ -8,6 +8,7 @@ taken for square and the principal point for the middle of the picture.
 """
 
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -45,7 +46,15 @@ class Proposal(NamedTuple):
     notes: tuple[str, ...]
 
 
-def calibrate(
+def calibrate(sources: Sequence[Path | str], lane_width_m: float = 3.7, height_m: float | None = None) -> str:
+    """The camera file that `propose` finds, as TOML; what it rests on goes to standard error."""
+    proposal = propose(sources, lane_width_m, height_m)
+    for note in proposal.notes:
+        print(note, file=sys.stderr)
+    return as_toml(proposal.camera)
+
+
+def propose(
     sources: Sequence[Path | str],
     lane_width_m: float = 3.7,
     height_m: float | None = None,
@@ -68,7 +77,7 @@ def calibrate(
     looked, size = 0, (WIDTH_PX, HEIGHT_PX)
     for source in sources:
         footage = open_footage(source)
-        stride = max(1, footage.count // MOST_FRAMES)
+        stride = max(1, footage.frame_count // MOST_FRAMES)
         for index, recorded in enumerate(frames(footage)):
             if index % stride:
                 continue
@@ -96,14 +105,15 @@ def _propose(
     field_of_view_rad: float,
 ) -> Proposal:
     width, height = size
-    x, y, left, right = (float(np.median([getattr(line, name) for line in found])) for name in Lines._fields)
+    x = float(np.median([line.vanishing_x for line in found]))
+    y = float(np.median([line.vanishing_y for line in found]))
     spread = float(np.median([line.slope_right - line.slope_left for line in found]))
     focal_x = 0.5 * WIDTH_PX / math.tan(0.5 * field_of_view_rad)
     focal_y = focal_x * (width / WIDTH_PX) * (HEIGHT_PX / height)
     pitch = math.atan((y - 0.5 * HEIGHT_PX) / focal_y)
     yaw = math.atan((x - 0.5 * WIDTH_PX) / focal_x)
-    # exact where the approximation above divides by f_y: rows are u = f_y tan(...) from the horizon
-    seen = focal_x / focal_y / spread / math.cos(pitch)
+    # with the pitch p exactly: slope = -f_x X cos p / (f_y h)
+    seen = focal_x / focal_y * math.cos(pitch) / spread
     chosen = lane_width_m * seen if height_m is None else height_m
     camera = Camera(
         height_m=round(chosen, 3),
@@ -129,7 +139,6 @@ def _propose(
     if len(found) > 1:
         scatter = np.std([(line.vanishing_x, line.vanishing_y) for line in found], axis=0)
         notes.append(f"the vanishing point scatters by {scatter[0]:.1f} and {scatter[1]:.1f} px")
-    del left, right
     return Proposal(camera, tuple(notes))
 
 
@@ -156,10 +165,11 @@ def lane_lines(grey: Array) -> Lines | None:
         weight = strength * np.exp(-(((slope - direction) / DIRECTION_SPREAD) ** 2))
         inside = (cell >= 0) & (cell < BINS)
         flat = (np.arange(len(COLUMNS_PX))[:, None] * BINS + cell)[inside]
-        votes = np.bincount(flat, weights=weight[inside], minlength=BINS * len(COLUMNS_PX)).reshape(-1, BINS)
+        votes: Array = np.bincount(flat, weights=weight[inside], minlength=BINS * len(COLUMNS_PX)).reshape(
+            -1, BINS
+        )
         smooth = votes.copy()
-        smooth[:, 1:] += 0.5 * votes[:, :-1]
-        smooth[:, :-1] += 0.5 * votes[:, 1:]
+        smooth[:, 1:-1] += 0.5 * (votes[:, :-2] + votes[:, 2:])
         # one strong line meets every point on it: only lines on both sides fix where they meet
         gap = int(0.2 * horizon / BIN_PX)
         left, right = smooth[:, : BINS // 2 - gap], smooth[:, BINS // 2 + gap :]
@@ -177,10 +187,11 @@ def lane_lines(grey: Array) -> Lines | None:
     if chosen is None:
         return None
     column, horizon, *slopes = chosen
-    fitted = [_line(points, column, horizon, slope) for slope in slopes]
-    if fitted[0] is None or fitted[1] is None:
+    left_line = _line(points, column, horizon, slopes[0])
+    right_line = _line(points, column, horizon, slopes[1])
+    if left_line is None or right_line is None:
         return None
-    (a_left, m_left), (a_right, m_right) = fitted
+    (a_left, m_left), (a_right, m_right) = left_line, right_line
     if m_right - m_left < 0.3:
         return None
     # x = a - m y: both meet at

@@ -34,7 +34,7 @@ class Footage(NamedTuple):
     path: Path
     images: tuple[Path, ...]  # empty for a video
     step_s: float  # between frames
-    count: int  # frames, 0 where the file does not say
+    frame_count: int  # frames, 0 where the file does not say
 
     @property
     def is_still(self) -> bool:

@@ -203,7 +203,11 @@ class _Path:
         """(H, 2) column and y of the next 2 s."""
         self._state, motion = observer.step(self._state, self._schedule, lane, self._speed)
         ahead = predict(motion, self._speed, self._predictor)
-        return path_in_image(ahead.forward_m[0], ahead.left_m[0], self._projection)
+        if np.isfinite(ahead.left_m[0]).all():
+            return path_in_image(ahead.forward_m[0], ahead.left_m[0], self._projection)
+        # no motion is known yet, as in a still: on with the lane's curvature from the heading of now
+        forward = np.arange(1.0, 2.0 * self._speed[0] + 1.0)
+        return path_in_image(forward, 0.5 * lane.curvature_1pm[0] * forward**2, self._projection)
 
 
 def _lane_row(index: int, time_s: float, found: Found) -> list[str]:

@@ -49,7 +49,7 @@ def parabola_as_candidates(left, right, rows, work):  # type: ignore[no-untyped-
         a, b, c = (left[0], left[1], left[2]) if side == LEFT else (right[0], right[1], right[2])
         for r in range(rows.shape[0]):
             y = rows[r]
-            work.count[side, r] = 1
+            work.ridges[side, r] = 1
             work.expected[side, r] = True
             work.ridge[side, r, 0, 0] = (a * y + b) * y + c
             work.ridge[side, r, 0, 1] = 1e6

@@ -193,17 +193,17 @@ def step(
     if frames.shape != (n, 240, WIDTH_PX) or frames.dtype != np.uint8:
         raise ValueError(f"frames are {frames.dtype} {frames.shape}: must be uint8 ({n}, 240, {WIDTH_PX})")
     if borders is None:
-        left, right, given = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, np.bool_)
+        left, right, there = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, np.bool_)
     else:
         left, right = np.ascontiguousarray(borders.left), np.ascontiguousarray(borders.right)
-        given = np.isfinite(left).all(axis=1) if given is None else np.ascontiguousarray(given, np.bool_)
+        there = np.ones(n, np.bool_) if given is None else np.ascontiguousarray(given, np.bool_)
     new = LaneState(*(np.empty_like(part) for part in state))
     out = _empty_estimate(n)
     step_kernel(
         np.ascontiguousarray(frames),
         left,
         right,
-        given,
+        there,
         state,
         _rows(projection),
         projection,

@@ -45,7 +45,7 @@ class Work(NamedTuple):
     first: Array  # (KNOTS, KNOTS)
     area: Array
     ridge: Array  # (2, rows, CANDIDATES, 2) centre, response
-    count: Array  # (2, rows) int64
+    ridges: Array  # (2, rows) int64 how many
     expected: Array  # (2, rows) bool: a marking there would be in the image
     found: Array  # (2, rows) bool: and was seen where the model says
     sums: Array
@@ -158,14 +158,14 @@ def gather(frame, x, phase, rows, p, t, reach_m, reach_px, threshold, work):  # 
     for side in range(2):
         for r in range(rows.shape[0]):
             column, scale = work.border[side, r, 0], work.border[side, r, 1]
-            work.count[side, r] = 0
+            work.ridges[side, r] = 0
             work.found[side, r] = False
             visible = MARGIN_PX < column < width - 1 - MARGIN_PX  # False for NaN
             work.expected[side, r] = visible
             half = reach_m * scale + reach_px
             if column > -half and column < width + half:
                 row = height - 1 - int(rows[r])
-                work.count[side, r] = candidates(
+                work.ridges[side, r] = candidates(
                     frame,
                     row,
                     column,
@@ -200,13 +200,13 @@ def fit(x, phase, predicted, rows, p, t, width_m, iterations, reference, work): 
             for r in range(rows.shape[0]):
                 work.found[side, r] = False
                 column = work.border[side, r, 0]
-                if work.count[side, r] == 0 or math.isnan(column):
+                if work.ridges[side, r] == 0 or math.isnan(column):
                     continue
                 scale = work.border[side, r, 1]
                 spread = width * scale + t.association_px
                 inverse = 1.0 / spread
                 total, moment = 0.0, 0.0
-                for c in range(work.count[side, r]):
+                for c in range(work.ridges[side, r]):
                     away = work.ridge[side, r, c, 0] - column
                     z = away * inverse
                     if z * z > 12.0:

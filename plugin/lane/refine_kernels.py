@@ -205,9 +205,9 @@ def start(frame, i, borders_left, borders_right, given, rows, p, t, work, point,
         for side in range(2):
             for r in range(rows.shape[0]):
                 work.found[side, r] = False
-                if work.expected[side, r] and work.count[side, r] > 0:
+                if work.expected[side, r] and work.ridges[side, r] > 0:
                     spread = 2.0 * (t.association_m * work.border[side, r, 1] + t.association_px)
-                    for c in range(work.count[side, r]):
+                    for c in range(work.ridges[side, r]):
                         if abs(work.ridge[side, r, c, 0] - work.border[side, r, 0]) < spread:
                             work.found[side, r] = True
     return best
@@ -223,7 +223,7 @@ def far_border_share(frame, x, phase, side, rows, p, t, threshold, work):  # typ
     for r in range(rows.shape[0]):
         if work.expected[side, r]:
             expected += 1
-            if work.count[side, r] > 0:
+            if work.ridges[side, r] > 0:
                 found += 1
     return found / expected if expected >= 6 else 0.0
 

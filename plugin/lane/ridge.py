@@ -19,7 +19,7 @@ def road_noise(frame, row, first, last):  # type: ignore[no-untyped-def]
     lo, hi = max(0, int(first)), min(frame.shape[1] - 1, int(last))
     if hi - lo < 4:
         return math.nan
-    total = 0
+    total = np.int64(0)
     for j in range(lo, hi):
         total += abs(np.int64(frame[row, j + 1]) - np.int64(frame[row, j]))
     return total / (hi - lo)
