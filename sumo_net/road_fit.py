@@ -165,8 +165,9 @@ def _smooth(q: Array, h: float, tolerance_m: float) -> Array:
         if not bad.any():
             break
         # How far a curve strays grows with the scale: linearly at a kink, as its cube where a bend begins.
-        less = (tolerance / np.maximum(away, 1e-9)) ** np.where(kink, 0.7, 0.4)
-        wanted = np.where(bad, scale * np.clip(0.95 * less, 0.3, 0.85), np.inf)
+        # The step is continuous in the distance, so that paths through the same lanes shrink alike.
+        less = (0.85 * tolerance / np.maximum(away, 1e-9)) ** np.where(kink, 0.8, 0.4)
+        wanted = np.where(full_lock, np.inf, scale * np.clip(less, 0.3, 1.0))
         scale = np.minimum(scale, _spread(np.maximum(wanted, SHORTEST_SCALE_M), h))
     return p
 

@@ -170,8 +170,12 @@ def test_paths_that_share_lanes_agree(built):
         s = roads.table.own_end_m[a] + np.linspace(-60.0, 200.0, 261)
         x, y, heading, _ = poses(roads, a, s)
         along, d = onto(roads, b, x, y, s - shift)
-        assert np.abs(d).max() < 0.01
-        assert np.abs(np.sin(poses(roads, b, along)[2] - heading)).max() < 0.001
+        turned = np.abs(np.sin(poses(roads, b, along)[2] - heading))
+        assert np.abs(d).max() < 0.015
+        assert turned.max() < 0.002
+        near = np.abs(s - roads.table.own_end_m[a]) < 20.0  # where a vehicle changes from one to the other
+        assert np.abs(d[near]).max() < 0.003
+        assert turned[near].max() < 0.0005
 
 
 # --- kernels
