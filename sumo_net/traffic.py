@@ -14,6 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from sumo_net import columns
 from sumo_net.frames import heading_from_sumo_angle
 from sumo_net.snapshot import Array, Snapshot
 from sumo_net.start_up import cause, is_left_hand, one_line, set_sumo_home, standard_error
@@ -44,6 +45,7 @@ class Traffic:
 
     def __init__(self, simulation: Any, owned: bool) -> None:
         """Use `attach` or `start`."""
+        import traci.constants
         import traci.exceptions
 
         self._sumo = simulation
@@ -65,7 +67,11 @@ class Traffic:
         self._bodies = np.zeros((256, 3))  # by handle: length, width, height
         self._numbers: dict[str, int] = {}  # of the vehicles that are not gone
         self._routes: dict[int, tuple[str, int, tuple[str, ...]]] = {}
-        self._read_columns = _reader(simulation)
+        self._read_columns = (
+            columns.by_getters(simulation.vehicle)
+            if _in_process(simulation)
+            else columns.by_subscription(simulation.vehicle, traci.constants)
+        )
 
     # --- beginning and end
 
@@ -320,63 +326,6 @@ class Traffic:
                     number[lane] = len(self.lane_ids)
                     self.lane_ids.append(lane)
             return self._lane_indices(lanes)
-
-
-def _reader(simulation: Any) -> Any:
-    """A function of the vehicles' names that gives the eight changing columns as lists."""
-    return _getters(simulation) if _in_process(simulation) else _subscriptions(simulation)
-
-
-def _getters(simulation: Any) -> Any:
-    vehicle = simulation.vehicle
-    getters = (
-        vehicle.getPosition,
-        vehicle.getAngle,
-        vehicle.getSpeed,
-        vehicle.getAcceleration,
-        vehicle.getLaneID,
-        vehicle.getLanePosition,
-        vehicle.getLateralLanePosition,
-        vehicle.getSignals,
-    )
-
-    def read(names: list[str]) -> list[list[Any]]:
-        return [[get(name) for name in names] for get in getters]
-
-    return read
-
-
-def _subscriptions(simulation: Any) -> Any:
-    """For traci: SUMO sends the values with every step, instead of a message to and fro for each value."""
-    from traci import constants as tc
-
-    vehicle = simulation.vehicle
-    variables = (
-        tc.VAR_POSITION,
-        tc.VAR_ANGLE,
-        tc.VAR_SPEED,
-        tc.VAR_ACCELERATION,
-        tc.VAR_LANE_ID,
-        tc.VAR_LANEPOSITION,
-        tc.VAR_LANEPOSITION_LAT,
-        tc.VAR_SIGNALS,
-    )
-
-    def values(name: str) -> Any:
-        # The answer to a subscription holds the values of now. SUMO adds it to what the user subscribed to.
-        vehicle.subscribe(name, variables)
-        return vehicle.getSubscriptionResults(name)
-
-    def read(names: list[str]) -> list[list[Any]]:
-        known = vehicle.getAllSubscriptionResults()
-        rows = []
-        for name in names:
-            row = known.get(name)
-            complete = row is not None and all(variable in row for variable in variables)
-            rows.append(row if complete else values(name))
-        return [[row[variable] for row in rows] for variable in variables]
-
-    return read
 
 
 def _in_process(simulation: Any) -> bool:

@@ -212,12 +212,16 @@ def test_a_teleport_takes_the_vehicle_out_and_back(start: Callable[..., Traffic]
 def test_libsumo_and_traci_see_the_same(road: Path) -> None:
     import sumolib
     import traci
+    from traci import constants as tc
 
     traci.start([sumolib.checkBinary("sumo"), *arguments(road)], label="same", stdout=subprocess.DEVNULL)
     connection = traci.getConnection("same")
     try:
         with Traffic.start(arguments(road)) as inside:
             outside = Traffic.attach(connection)
+            connection.simulationStep()
+            connection.vehicle.subscribe("ego", [tc.VAR_ROAD_ID])  # the user's own is left alone
+            inside.step()
             assert outside.lane_ids == inside.lane_ids
             for step in range(60):
                 inside.step()
@@ -227,6 +231,7 @@ def test_libsumo_and_traci_see_the_same(road: Path) -> None:
                     assert a.dtype == b.dtype
                     np.testing.assert_array_equal(a, b, err_msg=f"step {step}, {name}")
                 lateral = 0.3 * np.sin(one.handle + step)
+                assert connection.vehicle.getSubscriptionResults("ego")[tc.VAR_ROAD_ID] == "ab"
                 for traffic in (inside, outside):
                     traffic.write_lateral(one.handle, lateral)
                     assert all(traffic.route_ahead(h) for h in one.handle)
