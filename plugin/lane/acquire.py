@@ -7,6 +7,8 @@ a lane width apart with the vehicle between them wins. The start whose fit finds
 
 import math
 
+import numpy as np
+
 from plugin.lane.ridge import candidates
 from plugin.lane.road_model import (
     HEADING,
@@ -15,17 +17,20 @@ from plugin.lane.road_model import (
     LEFT,
     OFFSET,
     PITCH,
+    STATES,
     TURN,
     WIDTH,
     row_ground,
 )
 from sumo_net.compile import kernel
 
-NEAR_M = 40.0
+NEAR_M = 60.0
+MIDDLE_M = 28.0
 PER_ROW = 8
-BIN_M, HALF_BINS = 0.15, 45
+BIN_M, HALF_BINS = 0.15, 60
 HEADINGS, HEADING_STEP = 19, 0.008
-CURVATURES, CURVATURE_STEP = 13, 7.0e-4
+CURVATURES, CURVATURE_STEP = 17, 6.0e-4
+STARTS = 3
 
 
 @kernel
@@ -85,49 +90,76 @@ def ridge_points(frame, rows, p, t, threshold, sums, response, ridge, point):  #
 
 
 @kernel
-def vote(point, found, t, bins, smooth, x):  # type: ignore[no-untyped-def]
-    """Put the best-voted straight-or-arc lane into x; returns its votes, 0 where there is none."""
-    best = 0.0
-    bends = 2 * HALF_BINS + 1
+def vote(point, found, t, bins, smooth, starts, score):  # type: ignore[no-untyped-def]
+    """Put the best-voted arcs, each of another curvature, into starts (STARTS, STATES), best first.
+
+    Arcs are laid out by their direction at MIDDLE_M, about which heading and curvature hardly trade. Their
+    votes go into score (STARTS,); 0 where there are no more.
+    """
+    count = 2 * HALF_BINS + 1
     narrow = math.floor(t.min_width_m / BIN_M)
     wide = math.ceil(t.max_width_m / BIN_M)
-    for h in range(HEADINGS):
-        heading = (h - HEADINGS // 2) * HEADING_STEP
-        for k in range(CURVATURES):
-            curvature = (k - CURVATURES // 2) * CURVATURE_STEP
+    trial = np.zeros(STATES)
+    starts[:, :] = 0.0
+    score[:] = 0.0
+    for k in range(CURVATURES):
+        curvature = (k - CURVATURES // 2) * CURVATURE_STEP
+        best = 0.0
+        for h in range(HEADINGS):
+            heading = (h - HEADINGS // 2) * HEADING_STEP
+            direction = curvature * MIDDLE_M - heading
             bins[:] = 0.0
             for m in range(found):
-                forward = point[m, 0]
-                left = point[m, 1] + forward * (heading - 0.5 * curvature * forward)
+                away = point[m, 0] - MIDDLE_M
+                left = point[m, 1] - away * (direction + 0.5 * curvature * away)
                 b = math.floor(left / BIN_M + 0.5) + HALF_BINS
-                if 0 <= b < bends:
+                if 0 <= b < count:
                     bins[b] += 1.0
-            for b in range(bends):
+            for b in range(count):
                 s = bins[b]
                 if b > 0:
                     s += 0.5 * bins[b - 1]
-                if b + 1 < bends:
+                if b + 1 < count:
                     s += 0.5 * bins[b + 1]
                 smooth[b] = s
-            for b in range(HALF_BINS, bends):
+            # the arc passes the vehicle this far left of where it is at MIDDLE_M
+            back = -MIDDLE_M * (direction - 0.5 * curvature * MIDDLE_M)
+            middle = HALF_BINS - math.floor(back / BIN_M + 0.5)
+            for b in range(max(middle, 0), min(middle + wide, count)):
                 if smooth[b] < 3.0:
                     continue
-                for c in range(max(0, b - wide), min(b - narrow, HALF_BINS) + 1):
+                for c in range(max(0, b - wide), min(b - narrow, middle) + 1):
                     if smooth[c] < 3.0:
                         continue
                     # both borders count: the weaker one decides
                     width = (b - c) * BIN_M
                     off = (width - t.lane_width_m) / t.lane_width_std_m
-                    score = min(smooth[b], 4.0 * smooth[c]) + min(smooth[c], 4.0 * smooth[b])
-                    score *= math.exp(-0.125 * off * off)
-                    if score > best:
-                        best = score
-                        x[:] = 0.0
-                        x[OFFSET] = -0.5 * (b + c - 2 * HALF_BINS) * BIN_M
-                        x[HEADING] = heading
-                        x[WIDTH] = width
-                        x[KNOT : KNOT + KNOTS] = curvature
-    return best
+                    votes = min(smooth[b], 4.0 * smooth[c]) + min(smooth[c], 4.0 * smooth[b])
+                    votes *= math.exp(-0.125 * off * off)
+                    if votes > best:
+                        best = votes
+                        trial[OFFSET] = -0.5 * (b + c - 2 * HALF_BINS) * BIN_M - back
+                        trial[HEADING] = heading
+                        trial[WIDTH] = width
+                        trial[KNOT : KNOT + KNOTS] = curvature
+        # neighbouring curvatures share their place: they are the same lane
+        place = STARTS
+        for n in range(STARTS):
+            if score[n] > 0.0 and abs(starts[n, KNOT] - curvature) < 1.5 * CURVATURE_STEP:
+                place = n
+        if place < STARTS:
+            if best <= score[place]:
+                continue
+        else:
+            place = STARTS - 1
+            if best <= score[place]:
+                continue
+        while place > 0 and best > score[place - 1]:
+            score[place] = score[place - 1]
+            starts[place, :] = starts[place - 1]
+            place -= 1
+        score[place] = best
+        starts[place, :] = trial
 
 
 @kernel

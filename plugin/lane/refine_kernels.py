@@ -1,12 +1,14 @@
 """One frame of the default lane tracker over a fleet: predict, look, fit, judge."""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from plugin.lane.acquire import (
     HALF_BINS,
     PER_ROW,
+    STARTS,
     initial_covariance,
     lane_start,
     parabola_as_candidates,
@@ -35,6 +37,8 @@ from plugin.lane.road_model import (
     trace,
 )
 from sumo_net.compile import kernel
+
+Array = np.ndarray[Any, Any]
 
 SEARCHING, TENTATIVE, LOCKED = 0, 1, 2
 
@@ -144,16 +148,60 @@ def side_seen(found, expected, t):  # type: ignore[no-untyped-def]
     return found >= t.least_rows and found >= t.least_share * expected
 
 
+class Room(NamedTuple):
+    """Work space of a start."""
+
+    point: Array
+    ridge: Array
+    bins: Array
+    smooth: Array
+    starts: Array
+    score: Array
+    trial: Array
+    predicted: Array
+    chosen: Array
+    covariance: Array
+    kept: Array
+    found: Array
+    expected: Array
+
+
 @kernel
-def start(frame, i, borders_left, borders_right, given, rows, p, t, work, point, sums, ridge, x, P):  # type: ignore[no-untyped-def]
-    """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane."""
+def room_for(rows):  # type: ignore[no-untyped-def]
+    """Room for `rows` image rows."""
+    return Room(
+        np.zeros((rows * PER_ROW, 2)),
+        np.zeros((PER_ROW, 2)),
+        np.zeros(2 * HALF_BINS + 1),
+        np.zeros(2 * HALF_BINS + 1),
+        np.zeros((STARTS, STATES)),
+        np.zeros(STARTS),
+        np.zeros(STATES),
+        np.zeros(STATES),
+        np.zeros(STATES),
+        np.zeros((STATES, STATES)),
+        np.zeros((STATES, STATES)),
+        np.zeros((2, rows), np.bool_),
+        np.zeros((2, rows), np.bool_),
+    )
+
+
+@kernel
+def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ignore[no-untyped-def]
+    """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane.
+
+    left, right: the search's a, b, c of this vehicle where `given`.
+    """
     best = 0
-    trial, predicted = np.zeros(STATES), np.zeros(STATES)
-    chosen = np.zeros(STATES)
-    bins, smooth = np.zeros(2 * HALF_BINS + 1), np.zeros(2 * HALF_BINS + 1)
-    for attempt in range(2):
-        if attempt == 0:
-            if not given[i]:
+    trial, predicted = room.trial, room.predicted
+    lane_start(t, trial)
+    place_borders(trial, 0.0, rows, p, t, work)
+    threshold = contrast_threshold(frame, rows, p, t, work)
+    found = ridge_points(frame, rows, p, t, 1.5 * threshold, work.sums, work.response, room.ridge, room.point)
+    vote(room.point, found, t, room.bins, room.smooth, room.starts, room.score)
+    for attempt in range(STARTS + 1):
+        if attempt == STARTS:
+            if not given:
                 continue
             lane_start(t, trial)
             predicted[:] = trial
@@ -161,21 +209,18 @@ def start(frame, i, borders_left, borders_right, given, rows, p, t, work, point,
             if not invert(P, work.factor, work.prior):
                 continue
             place_borders(trial, 0.0, rows, p, t, work)
-            parabola_as_candidates(borders_left[i], borders_right[i], rows, work)
+            parabola_as_candidates(left, right, rows, work)
             if not fit(trial, 0.0, predicted, rows, p, t, 2.0, 3, 1.0, work):
                 continue
         else:
-            lane_start(t, trial)
-            place_borders(trial, 0.0, rows, p, t, work)
-            threshold = contrast_threshold(frame, rows, p, t, work)
-            found = ridge_points(frame, rows, p, t, 1.5 * threshold, sums, work.response, ridge, point)
-            if vote(point, found, t, bins, smooth, trial) <= 0.0:
+            if room.score[attempt] <= 0.0:
                 continue
+            trial[:] = room.starts[attempt]
         if not plausible(trial, t):
             continue
         predicted[:] = trial
-        initial_covariance(P, t, 0.4, 0.03, 0.35, 2e-3)
         predicted[WIDTH] = 0.5 * (predicted[WIDTH] + t.lane_width_m)
+        initial_covariance(P, t, 0.4, 0.03, 0.35, 2e-3)
         if not invert(P, work.factor, work.prior):
             continue
         threshold = contrast_threshold(frame, rows, p, t, work)
@@ -191,25 +236,19 @@ def start(frame, i, borders_left, borders_right, given, rows, p, t, work, point,
             continue
         if not plausible(trial, t) or abs(trial[OFFSET]) > 0.5 * trial[WIDTH] + 0.3:
             continue
+        # both borders count: the weaker one decides
         support = min(found_left, 3 * found_right) + min(found_right, 3 * found_left)
-        if support > best:
+        if support > best and invert(work.information, work.factor, room.covariance):
             best = support
-            chosen[:] = trial
-            invert(work.information, work.factor, work.prior)
-            P[:, :] = work.prior
-            kept = work.prior.copy()
+            room.chosen[:] = trial
+            room.kept[:, :] = room.covariance
+            room.found[:, :] = work.found
+            room.expected[:, :] = work.expected
     if best > 0:
-        x[:] = chosen
-        P[:, :] = kept
-        gather(frame, x, 0.0, rows, p, t, 0.4, 3.0, threshold, work)
-        for side in range(2):
-            for r in range(rows.shape[0]):
-                work.found[side, r] = False
-                if work.expected[side, r] and work.ridges[side, r] > 0:
-                    spread = 2.0 * (t.association_m * work.border[side, r, 1] + t.association_px)
-                    for c in range(work.ridges[side, r]):
-                        if abs(work.ridge[side, r, c, 0] - work.border[side, r, 0]) < spread:
-                            work.found[side, r] = True
+        x[:] = room.chosen
+        P[:, :] = room.kept
+        work.found[:, :] = room.found
+        work.expected[:, :] = room.expected
     return best
 
 
@@ -232,8 +271,7 @@ def far_border_share(frame, x, phase, side, rows, p, t, threshold, work):  # typ
 def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  # type: ignore[no-untyped-def]
     """One frame for every vehicle: state `old` -> `new`, LaneEstimate arrays in `out`."""
     work = workspace(rows.shape[0])
-    point = np.zeros((rows.shape[0] * PER_ROW, 2))
-    ridge = np.zeros((PER_ROW, 2))
+    room = room_for(rows.shape[0])
     before = np.zeros(STATES)
     for i in range(frames.shape[0]):
         x, P = new.x[i], new.P[i]
@@ -245,7 +283,7 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
         new.share[i, :] = old.share[i]
         if status == SEARCHING:
             misses, age, phase = 0, 0, 0.0
-            support = start(frames[i], i, left, right, given, rows, p, t, work, point, work.sums, ridge, x, P)
+            support = start(frames[i], left[i], right[i], given[i], rows, p, t, work, room, x, P)
             if support > 0:
                 seen_left, seen_right = True, True
                 status = LOCKED if support >= t.lock_rows else TENTATIVE
