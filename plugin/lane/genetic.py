@@ -10,16 +10,17 @@ that fails for some frames starts again at the first stage; and as the regions f
 whole image, a vehicle that changes lane takes over the neighbouring lane's borders.
 """
 
+import dataclasses
 import math
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from camera_synth.camera import WIDTH_PX
+from camera_synth.camera import WIDTH_PX, Camera, image_from_vehicle, projection, vehicle_from_image
 from plugin.lane.estimate import Borders
 from plugin.lane.genetic_kernels import search_kernel
-from plugin.lane.objective import Objective, check_frames, objective_numbers
+from plugin.lane.objective import Objective, blocks_below_horizon, check_frames, objective_numbers
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
@@ -110,6 +111,38 @@ class GeneticSearch:
             if not 4 <= sum(lengths) <= MOST_BITS:
                 raise ValueError(f"the first region needs {sum(lengths)} bits: 4 to {MOST_BITS} are possible")
         return self
+
+
+def fitted_to(search: GeneticSearch, camera: Camera) -> GeneticSearch:
+    """The search for another camera: blocks up to its horizon at most, restart's lengths in its pixels.
+
+    Lengths in pixels are read as meant for the default camera, for which nothing changes. The published
+    regions of interest stay. Raises ValueError for a camera that sees too little road.
+    """
+    numbers = projection(camera)
+    forward, _ = vehicle_from_image(camera.center_x_px, 0.0, numbers)
+    center, _, _ = image_from_vehicle(forward, 0.0, 0.0, numbers)
+    scale = _px_per_m(camera) / _px_per_m(Camera())
+    blocks = min(search.objective.blocks, blocks_below_horizon(camera))
+    return dataclasses.replace(
+        search,
+        objective=dataclasses.replace(
+            search.objective, blocks=blocks, minimum_blocks=min(search.objective.minimum_blocks, blocks)
+        ),
+        restart=dataclasses.replace(
+            search.restart,
+            center_px=search.restart.center_px + float(center) - Camera().center_x_px,
+            least_width_px=search.restart.least_width_px * scale,
+            greatest_width_px=search.restart.greatest_width_px * scale,
+            crossed_by_px=search.restart.crossed_by_px * scale,
+        ),
+    )
+
+
+def _px_per_m(camera: Camera) -> float:
+    """Of a length across the road, in the bottom row."""
+    slope = camera.focal_px * math.sin(camera.pitch_rad) + camera.center_y_px * math.cos(camera.pitch_rad)
+    return slope / camera.height_m
 
 
 class SearchNumbers(NamedTuple):

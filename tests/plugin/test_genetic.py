@@ -7,11 +7,13 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
+from camera_synth.camera import Camera
 from plugin.lane.genetic import (
     GeneticSearch,
     Region,
     Restart,
     bits_needed,
+    fitted_to,
     init,
     search,
     search_numbers,
@@ -252,6 +254,19 @@ def test_a_lane_change_is_followed(side):
     inner = 0.075
     assert np.median(row_errors(borders.left[0], 1.875 - inner)) < 5.0
     assert np.median(row_errors(borders.right[0], -1.875 + inner)) < 5.0
+
+
+def test_another_camera():
+    """The default camera changes nothing; one that sees less road and stands left of the middle does."""
+    search_settings = GeneticSearch()
+    assert fitted_to(search_settings, Camera()) == search_settings
+    other = fitted_to(search_settings, Camera(pitch_rad=-0.03, left_m=0.5))
+    assert other.objective.blocks == 30
+    # the road's lengths are smaller there: 92 rows, not 157, from the bottom to the horizon
+    assert other.restart.least_width_px == pytest.approx(200.0 * 92.2 / 157.0, rel=0.005)
+    # the vehicle's axis is half a metre to the right of the camera
+    assert other.restart.center_px == pytest.approx(160.0 + 0.5 * 92.2 / 1.34, abs=0.5)
+    assert other.first_left == search_settings.first_left
 
 
 # --- bad input
