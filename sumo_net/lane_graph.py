@@ -124,6 +124,8 @@ class _Reader:
                 raise NetworkError(
                     f"{self.graph.file}: is not a SUMO network: its root is <{tag}>, not <net>"
                 )
+            if given.get("lefthand", "") in ("true", "1"):
+                raise NetworkError(f"{self.graph.file}: lefthand = {given['lefthand']}: not supported")
         elif tag == "edge":
             internal = given.get("function", "") != "" and given["id"].startswith(":")
             self.edge = Edge(given["id"], given.get("from", ""), given.get("to", ""), internal)

@@ -41,6 +41,7 @@ __all__ = [
     "RoadTable",
 ]
 
+_REMEMBERED_ROUTES = 50_000  # the paths themselves are kept by their lanes
 _SHOULDER_M = 0.5  # asphalt outside the outer borders of a user's network
 
 
@@ -93,10 +94,13 @@ class RoadNetwork:
         """Number of the path of a lane: the lane, the lanes behind it and those ahead along the route.
 
         route_ahead: edges from the present one on. came_from: the lane the vehicle was on before, where
-        known; it matters behind the start of the lane after a turn. Raises KeyError for an unknown lane.
+        known; it matters behind the start of the lane after a turn. Raises KeyError for an unknown lane,
+        NetworkError for one without length.
         """
         asked = (lane_id, route_ahead, came_from)
         if asked not in self._by_route:
+            if len(self._by_route) >= _REMEMBERED_ROUTES:
+                self._by_route.clear()
             key = lane_chain.chain(self.graph, lane_id, route_ahead, came_from)
             if key not in self._by_lanes:
                 self._by_lanes[key] = self._add(*key)
@@ -113,7 +117,10 @@ class RoadNetwork:
         if smooth is None:
             parts = zip(lanes, pieces, strict=True)
             shapes = [cut(lane.shape, piece.begin, piece.end) for lane, piece in parts]
-            smooth = road_fit.fit(shapes, min(0.5 * 10.0**-self.graph.decimals, 0.05))
+            try:
+                smooth = road_fit.fit(shapes, min(0.5 * 10.0**-self.graph.decimals, 0.05))
+            except ValueError as error:
+                raise NetworkError(f"{self.graph.file}: lane '{lanes[own].id}': {error}") from None
         self._errors.append(smooth.error_m)
         sections = [self._markings.section(lane.id) for lane in lanes]
         return self._store.append(smooth, pieces, sections, own, lanes[own].length_m)

@@ -35,6 +35,7 @@ STEP_M = 0.5  # h
 SPACING_M = 1.0  # of the samples handed on
 _SHORT_CHORD_M = 1.0  # points closer than this say little about curvature
 _ROUNDS = 14
+_MOST_STEPS = 30.0  # ℓ/h; beyond it the matrix is singular to rounding
 _THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
@@ -55,9 +56,15 @@ class SmoothPath:
 def fit(shapes: list[Array], rounding_m: float = 0.005) -> SmoothPath:
     """Fit one smooth path to the shapes (points, 2) of consecutive lanes, rounded to within rounding_m.
 
-    Raises ValueError where they are shorter than a metre together.
+    Raises ValueError where they are shorter than 1 cm together; under two metres they are drawn out straight.
     """
     points, starts, ends = _concatenate(shapes)
+    way = points[-1] - points[0]
+    if len(points) < 50 and np.hypot(*np.diff(points, axis=0).T).sum() < 2.0 * SPACING_M:
+        if np.hypot(*way) < 0.01:
+            raise ValueError(f"a road of {np.hypot(*way):.3f} m is too short to be fitted")
+        points = points.copy()
+        points[-1] = points[0] + way / np.hypot(*way) * 2.0 * SPACING_M
     q, along, at_points = _sample(points, rounding_m)
     p = _smooth(q, float(along[1]), max(TOLERANCE_M, 1.6 * rounding_m))
     h = float(along[1])
@@ -119,13 +126,14 @@ def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array]:
         gone = float(np.hypot(*(points[last] - points[kept[-1]])))
         parameter[last] = parameter[kept[-1]] + gone
         kept.append(last)
-        parameter = np.minimum(np.maximum.accumulate(parameter), parameter[last])
+        parameter = np.minimum(parameter, parameter[last])
+    parameter = np.maximum.accumulate(parameter)
     knots = points[kept]
     chord = np.diff(knots, axis=0)
     length = np.hypot(chord[:, 0], chord[:, 1])
     total = float(length.sum())
-    if total < SPACING_M:
-        raise ValueError(f"a road of {total:.2f} m is too short to be fitted")
+    if total < 0.01:
+        raise ValueError(f"a road of {total:.3f} m is too short to be fitted")
     direction = np.arctan2(chord[:, 1], chord[:, 0])
     turn = np.diff(direction)
     turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
@@ -152,7 +160,7 @@ def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array]:
 
 
 def _smooth(q: Array, h: float, tolerance_m: float) -> Array:
-    scale = np.full(len(q), SCALE_M)
+    scale = np.full(len(q), min(SCALE_M, _MOST_STEPS * h))
     for _ in range(_ROUNDS):
         p = _whittaker(q, scale, h)
         away = np.abs(_lateral(p, q))

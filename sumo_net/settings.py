@@ -10,7 +10,7 @@ import difflib
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, TypeVar, dataclass_transform, get_args
 
 import pydantic
 import pydantic.dataclasses
@@ -75,6 +75,9 @@ def _finding(cls: Any, finding: Any) -> str:
 
 def _fields_at(cls: Any, path: list[str]) -> list[str]:
     for part in path:
-        types = {field.name: field.type for field in dataclasses.fields(cls)}
-        cls = types.get(part, cls)
+        if part.isdigit():  # an entry of a tuple of settings
+            cls = next(iter(get_args(cls)), cls)
+        elif dataclasses.is_dataclass(cls):
+            types = {field.name: field.type for field in dataclasses.fields(cls)}
+            cls = types.get(part, cls)
     return [field.name for field in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []

@@ -81,6 +81,26 @@ def test_bad_elements_are_refused(kind, radius, says):
         read(Element, {"kind": kind, "length_m": 10.0, "radius_m": radius}, "test")
 
 
+@pytest.mark.parametrize(
+    ("mapping", "says"),
+    [
+        (
+            {"elements": [{"kind": "straight", "lenght_m": 9}]},
+            "'elements.0.lenght_m': did you mean 'length_m'",
+        ),
+        ({"elements": [{"kind": "spiral", "length_m": 9}]}, "elements.0.kind = 'spiral'"),
+        ({"lanes": 9}, "lanes = 9"),
+        ({"elements": []}, "elements = "),
+    ],
+)
+def test_bad_highway_settings_are_named(mapping, says):
+    with pytest.raises(SettingsError) as refused:
+        read(Highway, mapping, "mine.toml")
+    assert f"mine.toml: unknown key {says}" in str(refused.value) or f"mine.toml: {says}" in str(
+        refused.value
+    )
+
+
 def test_too_wide_a_highway_is_refused():
     with pytest.raises(ValueError, match="too tight"):
         Highway(elements=(element("arc", 50.0, 30.0),), median_m=40.0)

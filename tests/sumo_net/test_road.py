@@ -158,7 +158,8 @@ def test_fit_turns_no_tighter_than_a_car_whatever_the_shape():
 
 def test_too_short_a_road_is_refused():
     with pytest.raises(ValueError, match="too short"):
-        road_fit.fit([np.array([[0.0, 0.0], [0.3, 0.0]])])
+        road_fit.fit([np.array([[0.0, 0.0], [0.003, 0.0]])])
+    assert road_fit.fit([np.array([[0.0, 0.0], [0.3, 0.0]])]).x_m[-1] == pytest.approx(2.0)
 
 
 def test_paths_that_share_lanes_agree(built):
