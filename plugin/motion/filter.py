@@ -39,6 +39,7 @@ from sumo_net.vehicle import Vehicle, single_track, steady_state
 _STANDSTILL_MPS = 0.1  # the model divides by the speed; below, it has long become kinematics
 _TABLE_STEP_MPS = 1.0
 _FASTEST_MPS = 80.0
+_DOUBLINGS = 6
 _UNKNOWN_V_Y, _UNKNOWN_YAW = 0.2, 0.05  # standard deviations at first sight, m/s and rad/s
 
 
@@ -91,6 +92,17 @@ def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: floa
     return F, G
 
 
+def discretise(F: Array, G: Array, step_s: float) -> tuple[Array, Array]:
+    """Φ and Q of a step. Van Loan's method holds e^(−F t), which overflows for the stiff tyres of a slow car:
+    it is used for a 64th of the step, which is then doubled.
+    """
+    transition, noise = van_loan_discretization(F, G, dt=step_s / 2**_DOUBLINGS)
+    for _ in range(_DOUBLINGS):
+        noise = transition @ noise @ transition.T + noise
+        transition = transition @ transition
+    return transition, noise
+
+
 def steer_shares(vehicle: Vehicle, settings: FilterSettings, speed_mps: float) -> tuple[float, float, float]:
     """δ_D as a sum over (K, K', residual acceleration): the road's curvature ahead, and the rest."""
     per_curvature = vehicle.wheelbase_m + vehicle.understeer * speed_mps**2
@@ -104,7 +116,7 @@ def schedule(
     """Discretise on the table of speeds; preview_m is D_L, where the camera reports the curvature."""
     c = settings
     speeds = np.arange(0.0, _FASTEST_MPS + 1e-9, _TABLE_STEP_MPS)
-    held = [van_loan_discretization(*continuous_model(vehicle, c, float(v)), dt=step_s) for v in speeds]
+    held = [discretise(*continuous_model(vehicle, c, float(v)), step_s) for v in speeds]
     H = np.zeros((M, N))
     H[0, D] = H[1, PSI] = H[2, K] = H[3, KRATE] = 1.0
     H[2, KRATE] = preview_m

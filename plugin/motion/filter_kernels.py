@@ -33,7 +33,7 @@ class FilterSchedule(NamedTuple):
     step: float
     coast: float  # s
     settle: float  # s
-    clip: float  # innovations beyond so many standard deviations are clipped
+    clip: float  # innovations beyond so many standard deviations count less and less
     misfits: int  # so many clipped looks in a row start the filter anew
     one_border: float  # factor on the standard deviations while one border only is seen
     width_gain: float
@@ -142,8 +142,8 @@ def update(x, P, z, spread, s, gain, PH):  # type: ignore[no-untyped-def]
         for r in range(N):
             S += s.whitened[m, r] * PH[r]
         limit = s.clip * math.sqrt(S)
-        if abs(residual) > limit:
-            residual = math.copysign(limit, residual)
+        if abs(residual) > limit:  # the farther off, the less it counts
+            residual = limit * limit / residual
             clipped = True
         for r in range(N):
             gain[r] = PH[r] / S

@@ -1,0 +1,295 @@
+"""The default observer: yaw rate and lateral speed from the camera alone."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from manoeuvre import PREVIEW_M, drive, lane_change_steer, looks, unseen
+from scipy.linalg import expm
+
+from plugin.motion import observer
+from plugin.motion.bank_kernels import BankSchedule
+from plugin.motion.estimate import MotionEstimate
+from plugin.motion.filter import FilterSettings, continuous_model
+from plugin.motion.filter_kernels import N, predict, update
+from plugin.motion.observer import ObserverSettings
+from sumo_net.batch import join, select
+from sumo_net.settings import SettingsError, read
+from sumo_net.vehicle import Vehicle, steady_state
+
+HALF = Vehicle()
+CAMERA = {"offset_m": 0.015, "heading_rad": 5e-4, "curvature_1pm": 1e-4, "curvature_rate_1pm2": 5e-6}
+SIGNED = MotionEstimate._fields[:7]
+UNCLIPPED = FilterSettings(clip_sd=1e9)
+UNCLIPPED_SCHEDULE = observer.schedule(HALF, PREVIEW_M, ObserverSettings(filter=UNCLIPPED))
+
+
+@pytest.fixture(scope="module")
+def schedule():
+    return observer.schedule(HALF, PREVIEW_M, ObserverSettings())
+
+
+@pytest.fixture(scope="module")
+def change():
+    return drive(HALF, lane_change_steer(HALF, 25.0), lambda t: 25.0, duration_s=9.0)
+
+
+def run(schedule, truth, seen):
+    n = len(seen[0].score)
+    state, rows = observer.init(n, schedule), []
+    for k, look in enumerate(seen):
+        state, motion = observer.step(state, schedule, look, np.full(n, truth.speed_mps[k]))
+        rows.append(motion)
+    return state, rows
+
+
+def column(rows, name):
+    return np.array([getattr(row, name) for row in rows])
+
+
+def relative_rmse(estimate, truth, during):
+    error = estimate[during] - truth[during, None]
+    return float(np.sqrt(np.mean(error**2)) / np.abs(truth).max())
+
+
+def test_lane_change_at_90_kmh_within_a_tenth_of_the_peak(schedule, change):
+    assert change.offset_m[-1] == pytest.approx(3.75, abs=0.02)
+    _, rows = run(schedule, change, looks(change, np.random.default_rng(1), 200, **CAMERA))
+    during = slice(20, 75)
+    assert relative_rmse(column(rows, "yaw_rate_rps"), change.yaw_rate_rps, during) < 0.10
+    assert relative_rmse(column(rows, "lateral_speed_mps"), change.lateral_speed_mps, during) < 0.10
+
+
+def test_twice_the_noise_costs_less_than_twice(schedule, change):
+    noise = {name: 2.0 * value for name, value in CAMERA.items()}
+    _, rows = run(schedule, change, looks(change, np.random.default_rng(1), 200, **noise))
+    during = slice(20, 75)
+    assert relative_rmse(column(rows, "yaw_rate_rps"), change.yaw_rate_rps, during) < 0.20
+    assert relative_rmse(column(rows, "lateral_speed_mps"), change.lateral_speed_mps, during) < 0.10
+
+
+def test_filters_offset_and_heading_below_the_cameras_noise(schedule, change):
+    _, rows = run(schedule, change, looks(change, np.random.default_rng(2), 200, **CAMERA))
+    offset = column(rows, "lateral_offset_m")[20:] - change.offset_m[20:, None]
+    heading = column(rows, "heading_error_rad")[20:] - change.heading_rad[20:, None]
+    assert offset.std() < 0.6 * CAMERA["offset_m"]
+    assert heading.std() < 0.9 * CAMERA["heading_rad"]
+
+
+@pytest.mark.parametrize("mass_kg", [960.0, 1215.0])
+@pytest.mark.parametrize("kmh", [30, 60, 120])
+def test_steady_turn_without_noise(mass_kg, kmh):
+    vehicle, v = Vehicle(mass_kg=mass_kg), kmh / 3.6
+    steer = 0.002 * (vehicle.wheelbase_m + vehicle.understeer * v**2)
+    slip, yaw = steady_state(vehicle, v, steer)
+    start = (slip, yaw, 0.0, 0.2, -slip / v)
+    truth = drive(vehicle, lambda *_: steer, lambda t: v, lambda s: 0.002, duration_s=4.0, start=start)
+    _, rows = run(observer.schedule(vehicle, PREVIEW_M, ObserverSettings()), truth, looks(truth))
+    assert rows[-1].yaw_rate_rps == pytest.approx(yaw, rel=5e-3)
+    assert rows[-1].lateral_speed_mps == pytest.approx(slip, rel=0.02, abs=2e-3)
+    assert rows[-1].steer_rad == pytest.approx(steer, rel=0.01)
+    assert rows[-1].curvature_1pm == pytest.approx(0.002, rel=1e-3)
+
+
+def test_published_run_half_load_accelerating(schedule):
+    truth = drive(HALF, lambda *_: 0.0, lambda t: 60 / 3.6 + 0.2 * t, duration_s=2.0)
+    steer = 0.001 * (HALF.wheelbase_m + HALF.understeer * 22.2**2)
+    truth = drive(
+        HALF, lambda *_: steer, lambda t: 60 / 3.6 + 0.2 * t, lambda s: 0.001, 12.0, (0, 0.0167, 0, 0, 0)
+    )
+    _, rows = run(schedule, truth, looks(truth))
+    late = truth.time_s >= 2.0
+    assert column(rows, "yaw_rate_rps")[late, 0] == pytest.approx(truth.yaw_rate_rps[late], rel=0.02)
+    slip = truth.lateral_speed_mps[late]
+    assert column(rows, "lateral_speed_mps")[late, 0] == pytest.approx(slip, rel=0.10, abs=2e-3)
+
+
+def test_entering_a_curve_is_followed(schedule):
+    v = 25.0
+
+    def curvature(s):
+        return float(np.clip((s - 100.0) / 100.0, 0.0, 1.0) / 500.0)
+
+    per = HALF.wheelbase_m + HALF.understeer * v**2
+
+    def steer(t, x, speed):
+        return per * (curvature(x[2] + 0.3 * v) - (0.49 * x[3] + 1.1 * (v * x[4] + x[0])) / v**2)
+
+    truth = drive(HALF, steer, lambda t: v, curvature, duration_s=14.0)
+    _, rows = run(schedule, truth, looks(truth, np.random.default_rng(5), 100, **CAMERA))
+    peak = np.abs(truth.yaw_rate_rps).max()
+    error = column(rows, "yaw_rate_rps")[20:] - truth.yaw_rate_rps[20:, None]
+    assert np.sqrt(np.mean(error**2)) < 0.10 * peak
+
+
+@given(
+    P=st.lists(st.floats(-1, 1), min_size=N * N, max_size=N * N),
+    x=st.lists(st.floats(-1, 1), min_size=N, max_size=N),
+    speed=st.floats(0.0, 70.0),
+)
+def test_step_is_the_textbook_kalman_filter_and_keeps_the_covariance(P, x, speed):
+    settings, s = UNCLIPPED, UNCLIPPED_SCHEDULE
+    root = np.array(P).reshape(N, N) * 0.1
+    P0, x0 = root @ root.T + 1e-6 * np.eye(N), 0.1 * np.array(x)
+    j = int(speed / s.spacing)
+    w = speed / s.spacing - j
+    new_x, new_P = np.empty(N), np.empty((N, N))
+    predict(x0, P0, j, w, s, np.empty((N, N)), np.empty((N, N)), np.empty((N, N)), new_x, new_P)
+    F = (1 - w) * s.transition[j] + w * s.transition[j + 1]
+    Q = (1 - w) * s.noise[j] + w * s.noise[j + 1]
+    want_x, want_P = F @ x0, F @ P0 @ F.T + Q
+    assert new_x == pytest.approx(want_x, rel=1e-9, abs=1e-12)
+    assert new_P == pytest.approx(want_P, rel=1e-9, abs=1e-12)
+
+    z = np.array([0.1, 0.01, 0.002, 1e-5])
+    H = np.linalg.solve(s.whitener, s.whitened)
+    R = np.diag(
+        [settings.offset_m, settings.heading_rad, settings.curvature_1pm, settings.curvature_rate_1pm2]
+    )
+    gain = want_P @ H.T @ np.linalg.inv(H @ want_P @ H.T + R**2)
+    assert not update(new_x, new_P, z, 1.0, s, np.empty(N), np.empty(N))
+    assert new_x == pytest.approx(want_x + gain @ (z - H @ want_x), abs=1e-7)
+    rest = np.eye(N) - gain @ H
+    assert new_P == pytest.approx(rest @ want_P @ rest.T + gain @ R**2 @ gain.T, abs=1e-7)
+    assert np.linalg.eigvalsh(new_P).min() > -1e-12
+
+
+def test_table_between_two_speeds_is_near_the_exact_discretisation():
+    s = observer.schedule(HALF, PREVIEW_M, ObserverSettings())
+    for v in (5.5, 12.5, 30.5):
+        F, _ = continuous_model(HALF, FilterSettings(), v)
+        between = 0.5 * (s.transition[int(v)] + s.transition[int(v) + 1])
+        assert between[:4] == pytest.approx(expm(0.1 * F)[:4], abs=0.02, rel=0.02)
+
+
+def test_coasts_a_second_then_knows_nothing_then_settles_again(schedule, change):
+    seen = looks(change, np.random.default_rng(1), 20, **CAMERA)
+    seen[30:45] = [unseen(look) for look in seen[30:45]]
+    _, rows = run(schedule, change, seen)
+    known = np.isfinite(column(rows, "yaw_rate_rps")).all(axis=1)
+    assert known[3:40].all()
+    assert not known[40:48].any()
+    assert known[48:].all()
+    error = column(rows, "lateral_offset_m")[39] - change.offset_m[39]
+    assert np.abs(error).max() < 0.45  # a second on its own, in the swing of a lane change
+
+
+def test_a_look_without_either_border_counts_as_none(schedule, change):
+    seen = looks(change, None, 2)
+    carried = [
+        look._replace(left_border_seen=np.array([False, True]), right_border_seen=np.zeros(2, bool))
+        for look in seen
+    ]
+    _, rows = run(schedule, change, carried)
+    assert np.isnan(rows[20].yaw_rate_rps[0])
+    assert np.isfinite(rows[20].yaw_rate_rps[1])
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_change_of_lane_leaves_the_motion_untouched(schedule, change, told):
+    seen = looks(change, np.random.default_rng(1), 10, **CAMERA)
+    _, plain = run(schedule, change, seen)
+    at = int(np.argmax(change.offset_m > 1.875))
+    moved = [
+        look._replace(
+            lateral_offset_m=look.lateral_offset_m - 3.75,
+            lane_shift=np.full(10, int(told and k == at), np.int8),
+        )
+        if k >= at
+        else look
+        for k, look in enumerate(seen)
+    ]
+    _, rows = run(schedule, change, moved)
+    for name in ("lateral_speed_mps", "yaw_rate_rps", "heading_error_rad"):
+        np.testing.assert_allclose(column(rows, name), column(plain, name), atol=1e-9)
+    offset = column(rows, "lateral_offset_m") - column(plain, "lateral_offset_m")
+    np.testing.assert_allclose(offset[at:], -3.75, atol=1e-9)
+    assert [int(row.lane_shift[0]) for row in rows[at - 1 : at + 2]] == [0, 1, 0]
+
+
+def test_one_wrong_look_hardly_moves_the_motion(schedule, change):
+    seen = looks(change, np.random.default_rng(1), 10, **CAMERA)
+    wild = list(seen)
+    wild[40] = seen[40]._replace(
+        lateral_offset_m=seen[40].lateral_offset_m + 0.6,
+        heading_error_rad=seen[40].heading_error_rad + 0.05,
+        curvature_1pm=seen[40].curvature_1pm + 0.01,
+    )
+    _, plain = run(schedule, change, seen)
+    _, rows = run(schedule, change, wild)
+    assert np.abs(rows[40].yaw_rate_rps - plain[40].yaw_rate_rps).max() < 0.02
+    assert np.abs(rows[40].lateral_offset_m - plain[40].lateral_offset_m).max() < 0.06
+
+
+def test_a_lasting_jump_starts_the_filter_anew(schedule):
+    truth = drive(HALF, lambda *_: 0.0, lambda t: 25.0, duration_s=4.0)
+    seen = looks(truth)
+    seen[10:] = [look._replace(lateral_offset_m=look.lateral_offset_m + 1.2) for look in seen[10:]]
+    _, rows = run(schedule, truth, seen)
+    assert rows[-1].lateral_offset_m[0] == pytest.approx(1.2, abs=0.02)
+    assert abs(rows[-1].lateral_speed_mps[0]) < 0.02
+
+
+@pytest.mark.parametrize("v", [0.0, 0.2, 1.0, 3.0])
+def test_slow_and_standing(schedule, v):
+    look = looks(drive(HALF, lambda *_: 0.0, lambda t: 5.0, duration_s=0.1), None, 1)[0]
+    look = look._replace(lateral_offset_m=np.array([0.3]), curvature_1pm=np.array([0.02]))
+    state = observer.init(1, schedule)
+    for _ in range(300):
+        state, motion = observer.step(state, schedule, look, np.array([v]))
+        assert np.isnan(motion.yaw_rate_rps).all() or np.isfinite(np.array(motion[:8])).all()
+    assert motion.yaw_rate_rps[0] == pytest.approx(0.02 * v, abs=0.02 * v + 1e-3)
+    assert abs(motion.lateral_speed_mps[0]) < 0.1
+    assert np.linalg.eigvalsh(state.P[0]).min() > -1e-12
+
+
+def test_speed_through_zero_and_back(schedule):
+    look = looks(drive(HALF, lambda *_: 0.0, lambda t: 5.0, duration_s=0.1), None, 1)[0]
+    state, rates = observer.init(1, schedule), []
+    for k in range(200):
+        v = max(0.0, 10.0 - 0.2 * k) + max(0.0, 0.2 * (k - 120))
+        state, motion = observer.step(state, schedule, look, np.array([v]))
+        rates.append([motion.yaw_rate_rps[0], motion.lateral_speed_mps[0]])
+    assert np.abs(np.array(rates)[3:]).max() < 1e-6
+
+
+def test_mirrored_road_gives_the_mirrored_motion(schedule, change):
+    seen = looks(change, np.random.default_rng(1), 10, **CAMERA)
+    look_fields = seen[0]._fields
+    signed = [name for name in look_fields if name.startswith(("lateral", "heading", "curv", "prev"))]
+    signed.append("lane_shift")
+    mirrored = [look._replace(**{name: -getattr(look, name) for name in signed}) for look in seen]
+    _, rows = run(schedule, change, seen)
+    _, other = run(schedule, change, mirrored)
+    for name in SIGNED:
+        np.testing.assert_array_equal(column(rows, name), -column(other, name))
+
+
+def test_order_and_slices_change_nothing(schedule, change):
+    seen = looks(change, np.random.default_rng(3), 6, **CAMERA)
+    state, whole = run(schedule, change, seen)
+    order = np.array([4, 2, 0, 5, 1, 3])
+    _, mixed = run(schedule, change, [select(look, order) for look in seen])
+    first, _ = run(schedule, change, [select(look, slice(0, 2)) for look in seen])
+    last, _ = run(schedule, change, [select(look, slice(2, 6)) for look in seen])
+    for name in whole[-1]._fields:
+        np.testing.assert_array_equal(getattr(whole[-1], name)[order], getattr(mixed[-1], name))
+    for part, joined in zip(state, join(first, last), strict=True):
+        np.testing.assert_array_equal(part, joined)
+
+
+def test_mode_chooses_the_observer():
+    paper = ObserverSettings(mode="paper")
+    table = observer.schedule(HALF, PREVIEW_M, paper)
+    assert isinstance(table, BankSchedule)
+    refined = observer.init(1, observer.schedule(HALF, PREVIEW_M, ObserverSettings()))
+    look = looks(drive(HALF, lambda *_: 0.0, lambda t: 25.0, duration_s=0.1))[0]
+    with pytest.raises(TypeError, match="FilterState is not the state of a BankSchedule"):
+        observer.step(refined, table, look, np.array([25.0]))
+
+
+def test_settings_say_what_is_wrong():
+    with pytest.raises(SettingsError, match="did you mean 'coast_s'"):
+        read(ObserverSettings, {"coast": 1.0}, "x.toml")
+    with pytest.raises(SettingsError, match="mode = 'papper'"):
+        read(ObserverSettings, {"mode": "papper"}, "x.toml")
