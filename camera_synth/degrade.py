@@ -21,14 +21,16 @@ _P1, _P2, _P3 = np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE
 _M1, _M2 = np.uint32(0x21F0AAAD), np.uint32(0x735A2D97)
 
 
-@intrinsic
-def times(typing, a, b):  # type: ignore[no-untyped-def]
+def _times(typing, a, b):  # type: ignore[no-untyped-def]
     """a · b mod 2³² of two uint32 in 32 bits (numba's own product is of 64, which halves the vectors)."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return builder.mul(*arguments)
 
     return types.uint32(types.uint32, types.uint32), code
+
+
+times: Any = intrinsic(_times)
 
 
 @kernel

@@ -50,6 +50,8 @@ def road_ahead(
     if first < 0 or first + count > MAX_BORDERS:
         raise ValueError(f"lanes_right = {lanes_right}, lanes_left = {lanes_left}: too many borders")
     chosen = [SOLID] + [DASHED] * (count - 2) + [SOLID] if kinds is None else list(kinds)
+    if len(chosen) != count:
+        raise ValueError(f"kinds = {chosen}: {count} are needed")
     offset = np.full((n, J, MAX_BORDERS), np.nan)
     kind = np.zeros((n, J, MAX_BORDERS), np.int8)
     for b in range(count):
