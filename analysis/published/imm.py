@@ -2,7 +2,7 @@
 
 Truth is deterministic, as the source tells it: 100 m, −3 m/s, 2°, uniform for 10 s; from then on for 5 s
 a relative acceleration of −1.8 m/s² and an angular acceleration of 1 °/s². Scans at 0, 0.1, … 14.9 s; the
-filters start from the first one. A phase's RMSE is the mean over its scans of the RMSE over the runs: read so,
+filters start from the first one. A phase's RMSE is the mean over its scans of the RMSE over the runs; read so
 the reference figures of SPEC section 2 come out but for the chance of the draws.
 """
 

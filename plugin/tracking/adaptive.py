@@ -72,7 +72,7 @@ def predict_patent(
 ) -> AdaptiveState:
     """Eqs. (8) and (9): with the estimates q̂ and Q̂, taken as those of one step whatever its length."""
     known = state.q if shift is None else state.q + shift
-    x, P = kalman.predict(kalman.Gaussian(state.x, state.P), F, np.zeros_like(state.P[0]), which, known)
+    x, P = kalman.predict(kalman.Gaussian(state.x, state.P), F, np.zeros(state.P.shape[1:]), which, known)
     return state._replace(x=x, P=P + state.Q)
 
 

@@ -8,6 +8,7 @@ from plugin.tracking.kalman_kernels import cholesky, innovation_covariance, upda
 from sumo_net.compile import kernel
 
 R_INDEFINITE, Q_INDEFINITE, P_INDEFINITE, S_INDEFINITE, NOT_FINITE = 1, 2, 4, 8, 16
+RUNAWAY = 1e8  # numbers beyond are on their way to infinity
 
 
 @kernel
@@ -106,7 +107,7 @@ def update_patent(x, P, q, Q, r, R, k, z, seen, H, which, b, adapt_process):  # 
         finite = True
         for i in range(n):
             x[t, i] += Ke[i]  # (12)
-            finite &= math.isfinite(x[t, i]) and math.isfinite(Pp[i, i])
+            finite &= abs(x[t, i]) < RUNAWAY and abs(Pp[i, i]) < RUNAWAY  # False for NaN
             for j in range(n):
                 P[t, i, j] = Pp[i, j]
         k[t] += 1.0

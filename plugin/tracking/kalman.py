@@ -31,12 +31,14 @@ def predict(
 
     Parameters
     ----------
-    F, Q : (U, n, n) arrays, or (n, n) for all tracks alike.
+    F, Q : (U, n, n) arrays, or (n, n) where it is the same for all U.
     which : (T,) int64, the row of F and Q each track takes; left out where U is 1 or T.
     shift : (T, n) known input, 0 if left out.
     """
     tracks, n = state.x.shape
-    F, Q = np.atleast_3d(F).reshape(-1, n, n), np.atleast_3d(Q).reshape(-1, n, n)
+    F, Q = F.reshape(-1, n, n), Q.reshape(-1, n, n)
+    rows = max(len(F), len(Q))
+    F, Q = (np.repeat(M, rows, axis=0) if len(M) < rows else np.ascontiguousarray(M) for M in (F, Q))
     if which is None:
         which = np.zeros(tracks, np.int64) if len(F) == 1 else np.arange(tracks)
     shift = np.zeros((tracks, n)) if shift is None else shift

@@ -1,0 +1,93 @@
+"""Motion classes of objects ahead (CN104635233A, thresholds IV, transitions V)."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from plugin.tracking import classification_kernels as kernels
+from sumo_net.settings import settings
+
+Array = np.ndarray[Any, Any]
+
+UNCLASSIFIED, STATIONARY, SAME_DIRECTION, ONCOMING, STOPPED_SAME, STOPPED_ONCOMING = range(6)
+NAMES = (
+    "unclassified",
+    "stationary",
+    "same_direction",
+    "oncoming",
+    "stopped_was_same_direction",
+    "stopped_was_oncoming",
+)
+TRANSITIONS = frozenset(
+    {
+        (UNCLASSIFIED, STATIONARY),
+        (UNCLASSIFIED, SAME_DIRECTION),
+        (UNCLASSIFIED, ONCOMING),
+        (SAME_DIRECTION, STOPPED_SAME),
+        (ONCOMING, STOPPED_ONCOMING),
+        (STATIONARY, SAME_DIRECTION),
+        (STATIONARY, ONCOMING),
+        (STOPPED_SAME, SAME_DIRECTION),
+        (STOPPED_SAME, ONCOMING),
+        (STOPPED_ONCOMING, SAME_DIRECTION),
+        (STOPPED_ONCOMING, ONCOMING),
+    }
+)
+
+
+@settings
+class ClassSettings:
+    """Thresholds and cycles; the patent leaves k₁, k₂ and V_min to trials in the car, these are ours."""
+
+    minimum_speed_mps: float = Field(
+        1.5, gt=0, description="V_min; above the error of the speed over ground of a track three cycles old"
+    )
+    k1: float = Field(
+        0.02, ge=0, description="of the ego's speed: the radial speed's error grows with it (azimuth error)"
+    )
+    k2_s: float = Field(
+        0.1, ge=0, description="of the ego's acceleration: one cycle's delay of the ego speed"
+    )
+    oncoming_speed_mps: float = Field(-3.0, lt=0, description="V_x, as published")
+    near_zero_mps: float = Field(0.5, ge=0, description="what 'near 0' is for stopping")
+    settle_cycles: int = Field(3, ge=1, le=100, description="unclassified to a class, as published")
+    stop_cycles: int = Field(2, ge=1, le=100, description="moving to stopped, as published")
+    go_cycles: int = Field(3, ge=1, le=100, description="standing to moving, as published")
+
+
+class Rules(NamedTuple):
+    """The kernel's view of the settings."""
+
+    settle_cycles: int
+    stop_cycles: int
+    go_cycles: int
+    near_zero_mps: float
+
+
+class ClassState(NamedTuple):
+    """(T,) each, int8."""
+
+    state: Array  # index into NAMES
+    candidate: Array  # the class towards which is counted
+    cycles: Array  # consecutive ones so far
+
+
+def init(tracks: int) -> ClassState:
+    """New tracks, unclassified."""
+    return ClassState(*(np.zeros(tracks, np.int8) for _ in ClassState._fields))
+
+
+def moving_threshold(options: ClassSettings, speed_mps: Array, acceleration_mps2: Array) -> Array:
+    """V_t = V_min + k₁ v_ego + k₂ a_ego (eq. 16)."""
+    return options.minimum_speed_mps + options.k1 * speed_mps + options.k2_s * acceleration_mps2
+
+
+def step(
+    state: ClassState, speed_mps: Array, measured: Array, threshold_mps: Array, options: ClassSettings
+) -> ClassState:
+    """One cycle for T tracks with speed over ground along x (T,), `measured` (T,) and V_t (T,)."""
+    rules = Rules(options.settle_cycles, options.stop_cycles, options.go_cycles, options.near_zero_mps)
+    return ClassState(
+        *kernels.advance(*state, speed_mps, measured, threshold_mps, options.oncoming_speed_mps, rules)
+    )

@@ -1,0 +1,46 @@
+"""The state machine of the motion classes, over all tracks."""
+
+import numpy as np
+
+from sumo_net.compile import kernel
+
+UNCLASSIFIED, STATIONARY, SAME_DIRECTION, ONCOMING, STOPPED_SAME, STOPPED_ONCOMING = 0, 1, 2, 3, 4, 5
+
+
+@kernel
+def advance(state, candidate, count, speed, measured, moving, oncoming, p):  # type: ignore[no-untyped-def]
+    """One cycle: state, candidate (T,) int8, count (T,) int8 in and out; speed (T,) over ground along x.
+
+    moving (T,) is V_t, oncoming V_x; p a NamedTuple with settle_cycles, stop_cycles, go_cycles,
+    near_zero_mps. A cycle without a measurement interrupts every count: cycles have to be consecutive.
+    """
+    state, candidate, count = state.copy(), candidate.copy(), count.copy()
+    for t in range(len(state)):
+        now, v = state[t], speed[t]
+        target, needed = now, p.go_cycles
+        if now == UNCLASSIFIED:
+            needed = p.settle_cycles
+            if v >= moving[t]:
+                target = SAME_DIRECTION
+            elif v <= oncoming:
+                target = ONCOMING
+            else:
+                target = STATIONARY
+        elif now in (SAME_DIRECTION, ONCOMING):
+            needed = p.stop_cycles
+            if abs(v) <= p.near_zero_mps or oncoming < v < moving[t]:
+                # Text ii of the patent prints 'was same direction' for both; its description has the pair.
+                target = STOPPED_SAME if now == SAME_DIRECTION else STOPPED_ONCOMING
+        elif v > moving[t]:
+            target = SAME_DIRECTION
+        elif v < oncoming:
+            target = ONCOMING
+        if target == now or not measured[t] or not np.isfinite(v):
+            count[t] = 0
+            continue
+        count[t] = count[t] + 1 if count[t] > 0 and candidate[t] == target else 1
+        candidate[t] = target
+        if count[t] >= needed:
+            state[t] = target
+            count[t] = 0
+    return state, candidate, count

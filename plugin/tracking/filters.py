@@ -1,0 +1,93 @@
+"""The filters by name, behind one interface."""
+
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from pydantic import Field
+
+from plugin.tracking.adaptive import Adaptation
+from plugin.tracking.detections import Array, Detections, Estimate, SensorMotion
+from plugin.tracking.ground import GroundFilter
+from plugin.tracking.models import GroundMotion, PolarMotion, RadarNoise
+from plugin.tracking.polar import PolarFilter, StartSpread
+from sumo_net.settings import settings
+
+FilterName = Literal["imm", "adaptive", "patent", "cv", "ca"]
+FILTERS: tuple[FilterName, ...] = ("imm", "adaptive", "patent", "cv", "ca")
+
+
+class Filter(Protocol):
+    """T tracks of a fleet of n vehicles at once; `owner` (T,) names each track's vehicle.
+
+    A state is a NamedTuple of (T, ...) arrays, so that `batch.select` and `batch.join` work on it. z (D, 3)
+    is the filter's own form of a detection; `angle` (3,) says which components of it are angles.
+    """
+
+    angle: Array
+
+    def start(self, detections: Detections, sensor: SensorMotion) -> Any:
+        """States of new tracks, one a detection."""
+
+    def predict(self, state: Any, owner: Array, dt: Array, sensor: SensorMotion) -> Any:
+        """States dt (n,) later, with the ego's motion taken out."""
+
+    def expect(self, state: Any, owner: Array, sensor: SensorMotion) -> tuple[Array, Array]:
+        """Predicted measurement (T, 3) and its covariance S (T, 3, 3)."""
+
+    def measure(self, detections: Detections) -> Array:
+        """The detections as z (D, 3)."""
+
+    def update(self, state: Any, z: Array, seen: Array, owner: Array, sensor: SensorMotion) -> Any:
+        """States after z (T, 3), each track's own detection, where `seen` (T,)."""
+
+    def lost(self, state: Any) -> Array:
+        """Tracks (T,) whose covariances are not positive definite, or not numbers."""
+
+    def restart(self, state: Any, rows: Array) -> Any:
+        """The same with covariances (and noise estimates) of `rows` (T,) bool begun anew."""
+
+    def estimate(self, state: Any, owner: Array, sensor: SensorMotion) -> Estimate:
+        """What the states say, polar and over ground."""
+
+
+@settings
+class FilterSettings:
+    """Everything the filters can be told."""
+
+    noise: RadarNoise = Field(default_factory=RadarNoise)
+    polar: PolarMotion = Field(default_factory=PolarMotion)
+    ground: GroundMotion = Field(default_factory=GroundMotion)
+    adaptation: Adaptation = Field(default_factory=Adaptation)
+    start: StartSpread = Field(default_factory=StartSpread)
+    imm_models: tuple[Literal["cv", "ca"], ...] = Field(("cv", "ca"), min_length=1)
+    imm_stay: float = Field(
+        0.98,
+        gt=0,
+        lt=1,
+        description="Π's diagonal (inferred); the rest is shared equally by the other models",
+    )
+    mount_forward_m: float = Field(0.0, description="radar ahead of the centre of gravity")
+
+
+def make(name: str, options: FilterSettings) -> Filter:
+    """The filter `name`. Raises ValueError, naming those there are, for any other."""
+    if name in ("adaptive", "patent"):
+        return GroundFilter(
+            name == "patent",
+            options.adaptation,
+            options.ground,
+            options.noise,
+            options.start,
+            options.mount_forward_m,
+        )
+    kinds: dict[str, tuple[str, ...]] = {"imm": options.imm_models, "cv": ("cv",), "ca": ("ca",)}
+    if name not in kinds:
+        raise ValueError(f"filter = {name!r}: allowed are {', '.join(FILTERS)}")
+    r = len(kinds[name])
+    markov = np.eye(1)
+    if r > 1:
+        markov = np.full((r, r), (1.0 - options.imm_stay) / (r - 1))
+        np.fill_diagonal(markov, options.imm_stay)
+    return PolarFilter(
+        kinds[name], markov, options.polar, options.noise, options.start, options.mount_forward_m
+    )
