@@ -17,6 +17,7 @@ import numpy as np
 
 from analysis.footage import FootageError, frames, open_footage
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera
+from plugin.lane.refine import Refine, tuning
 from plugin.lane.ridge import BUFFER_PX, candidates
 
 Array = np.ndarray[Any, Any]
@@ -24,7 +25,7 @@ Array = np.ndarray[Any, Any]
 HORIZONS_PX = np.arange(80.0, 200.0, 2.0)  # y of the vanishing point that are tried
 COLUMNS_PX = np.arange(80.0, 242.0, 3.0)
 MOST_FRAMES = 30  # of a video
-CONTRAST = 8.0
+THRESHOLD = tuning(Refine(contrast=8.0), 33.5)
 BIN_PX, BINS = 6.0, 200
 DIRECTION_SPREAD = 0.35  # columns per row
 LEAST_POINTS = 8  # on a line
@@ -232,11 +233,13 @@ def _ridges(grey: Array) -> Array:
         for horizon in (105.0, 130.0, 155.0):
             width = max(1.0, 0.085 * (horizon - y))
             count = candidates(
-                grey, HEIGHT_PX - 1 - int(y), 159.5, 160.0, width, CONTRAST, sums, response, out
+                grey, HEIGHT_PX - 1 - int(y), 1, 0.0, 159.5, 160.0, width, 0.0, THRESHOLD, sums, response, out
             )
             for c in range(count):
                 column = round(float(out[c, 0]), 1)
-                found[column] = max(found.get(column, 0.0), min(float(out[c, 1]) / 50.0, 1.0))
+                found[column] = max(
+                    found.get(column, 0.0), min(float(out[c, 1]) * THRESHOLD.contrast / 50.0, 1.0)
+                )
         rows.append(found)
     points = []
     reach = 3

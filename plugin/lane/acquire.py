@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from plugin.lane.refine_fit import rows_stacked
 from plugin.lane.ridge import candidates
 from plugin.lane.road_model import (
     HEADING,
@@ -26,7 +27,7 @@ from sumo_net.compile import kernel
 
 NEAR_M = 60.0
 MIDDLE_M = 28.0
-PER_ROW = 8
+SEGMENTS, PER_SEGMENT = 5, 3
 BIN_M, HALF_BINS = 0.15, 60
 HEADINGS, HEADING_STEP = 19, 0.008
 CURVATURES, CURVATURE_STEP = 17, 6.0e-4
@@ -61,31 +62,39 @@ def parabola_as_candidates(left, right, rows, work):  # type: ignore[no-untyped-
 
 
 @kernel
-def ridge_points(frame, rows, p, t, threshold, sums, response, ridge, point):  # type: ignore[no-untyped-def]
+def ridge_points(frame, rows, p, t, noise, work, ridge, point):  # type: ignore[no-untyped-def]
     """All ridges on the road below NEAR_M as point (M, 2): forward, left; returns how many."""
     height, width = frame.shape
+    vanishing_x = p.center_x + p.focal * p.sin_yaw / p.cos_yaw
+    vanishing_y = p.center_y + p.focal_y * p.sin_pitch / p.cos_pitch
+    half = 0.5 * width / SEGMENTS
     found = 0
     for r in range(rows.shape[0]):
         ahead, depth, _, _ = row_ground(rows[r], 0.0, p)
         if ahead > NEAR_M:
             break
         scale = p.focal / depth
-        count = candidates(
-            frame,
-            height - 1 - int(rows[r]),
-            0.5 * (width - 1),
-            0.5 * width,
-            t.marking_width_m * scale,
-            threshold,
-            sums,
-            response,
-            ridge,
-        )
-        for c in range(count):
-            aside = (p.center_x - ridge[c, 0]) / scale
-            point[found, 0] = p.cos_yaw * ahead - p.sin_yaw * aside + p.forward
-            point[found, 1] = p.sin_yaw * ahead + p.cos_yaw * aside + p.left
-            found += 1
+        for segment in range(SEGMENTS):
+            column = (2 * segment + 1) * half - 0.5
+            count = candidates(
+                frame,
+                height - 1 - int(rows[r]),
+                rows_stacked(rows, r),
+                (vanishing_x - column) / (vanishing_y - rows[r]),
+                column,
+                half,
+                t.marking_width_m * scale,
+                1.2 * noise,
+                t,
+                work.sums,
+                work.response,
+                ridge,
+            )
+            for c in range(count):
+                aside = (p.center_x - ridge[c, 0]) / scale
+                point[found, 0] = p.cos_yaw * ahead - p.sin_yaw * aside + p.forward
+                point[found, 1] = p.sin_yaw * ahead + p.cos_yaw * aside + p.left
+                found += 1
     return found
 
 

@@ -41,12 +41,12 @@ class Refine:
     max_width_m: float = Field(4.8, gt=0)
     range_m: float = Field(REACH_M, gt=20, le=REACH_M, description="how far the borders are followed")
     contrast: float = Field(6.0, gt=0, description="least response of a ridge, grey levels")
-    grain_factor: float = Field(3.0, ge=0, description="least response over the road's mean pixel difference")
+    noise_factor: float = Field(2.5, ge=0, description="least response over its standard deviation by noise")
     pitch_std_rad: float = Field(0.002, ge=0, description="of the vehicle's pitch against the calibration")
     pitch_time_s: float = Field(0.3, gt=0, description="correlation time of that")
     bend_std_1pm: float = Field(3e-4, gt=0, description="change of curvature over 15 m of unseen road")
     confirm_frames: int = Field(2, ge=0, description="frames that must follow a weak start")
-    patience_frames: int = Field(8, ge=0, description="frames in a row without the lane until it is lost")
+    patience_frames: int = Field(15, ge=0, description="frames in a row without the lane until it is lost")
     one_sided_frames: int = Field(80, ge=0, description="frames with one border only until the lane is lost")
 
     @model_validator(mode="after")
@@ -71,7 +71,7 @@ class Tuning(NamedTuple):
     max_width_m: float
     range_m: float
     contrast: float
-    grain_factor: float
+    noise_factor: float
     pitch_std: float
     pitch_keep: float
     bend_std: float
@@ -151,7 +151,7 @@ def tuning(refine: Refine, preview_m: float) -> Tuning:
         refine.max_width_m,
         refine.range_m,
         refine.contrast,
-        refine.grain_factor,
+        refine.noise_factor,
         max(refine.pitch_std_rad, 1e-6),
         math.exp(-refine.step_s / refine.pitch_time_s),
         refine.bend_std_1pm,

@@ -151,11 +151,19 @@ def place_borders(x, phase, rows, p, t, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def gather(frame, x, phase, rows, p, t, reach_m, reach_px, threshold, work):  # type: ignore[no-untyped-def]
+def rows_stacked(rows, r):  # type: ignore[no-untyped-def]
+    """How many image rows stand behind rows[r]: near the vehicle three, which lie closer than it moves."""
+    near = r + 1 if r + 1 < rows.shape[0] else r
+    return 3 if rows[near] - rows[near - 1] > 1.5 else 1
+
+
+@kernel
+def gather(frame, x, phase, rows, p, t, reach_m, reach_px, noise, work):  # type: ignore[no-untyped-def]
     """Look for marking candidates around both borders of x, `reach_m` + `reach_px` to each side."""
     place_borders(x, phase, rows, p, t, work)
     height, width = frame.shape
     for side in range(2):
+        lean = 0.0
         for r in range(rows.shape[0]):
             column, scale = work.border[side, r, 0], work.border[side, r, 1]
             work.ridges[side, r] = 0
@@ -164,14 +172,18 @@ def gather(frame, x, phase, rows, p, t, reach_m, reach_px, threshold, work):  # 
             work.expected[side, r] = visible
             half = reach_m * scale + reach_px
             if column > -half and column < width + half:
-                row = height - 1 - int(rows[r])
+                if r + 1 < rows.shape[0] and not math.isnan(work.border[side, r + 1, 0]):
+                    lean = (work.border[side, r + 1, 0] - column) / (rows[r + 1] - rows[r])
                 work.ridges[side, r] = candidates(
                     frame,
-                    row,
+                    height - 1 - int(rows[r]),
+                    rows_stacked(rows, r),
+                    lean,
                     column,
                     half,
                     t.marking_width_m * scale,
-                    threshold,
+                    noise,
+                    t,
                     work.sums,
                     work.response,
                     work.ridge[side, r],
@@ -179,11 +191,11 @@ def gather(frame, x, phase, rows, p, t, reach_m, reach_px, threshold, work):  # 
 
 
 @kernel
-def fit(x, phase, predicted, rows, p, t, width_m, iterations, reference, work):  # type: ignore[no-untyped-def]
+def fit(x, phase, predicted, rows, p, t, width_m, iterations, work):  # type: ignore[no-untyped-def]
     """Update x (start value in, estimate out) from `predicted` with information work.prior and candidates.
 
-    width_m: association width that the iterations start from. reference: response at which a ridge is as
-    probably paint as not. The posterior information is left in work.information. False where it fails.
+    width_m: association width that the iterations start from. The posterior information is left in
+    work.information. False where it fails.
     """
     bases(phase, work.first, work.area)
     width = width_m
@@ -211,8 +223,8 @@ def fit(x, phase, predicted, rows, p, t, width_m, iterations, reference, work): 
                     z = away * inverse
                     if z * z > 12.0:
                         continue
-                    response = work.ridge[side, r, c, 1]
-                    w = response / (response + reference) * math.exp(-0.5 * z * z)
+                    strength = work.ridge[side, r, c, 1]
+                    w = strength / (strength + 1.0) * math.exp(-0.5 * z * z)
                     total += w
                     moment += w * away
                 if total <= 1e-4:

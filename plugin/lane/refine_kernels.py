@@ -7,7 +7,8 @@ import numpy as np
 
 from plugin.lane.acquire import (
     HALF_BINS,
-    PER_ROW,
+    PER_SEGMENT,
+    SEGMENTS,
     STARTS,
     initial_covariance,
     lane_start,
@@ -41,6 +42,8 @@ from sumo_net.compile import kernel
 Array = np.ndarray[Any, Any]
 
 SEARCHING, TENTATIVE, LOCKED = 0, 1, 2
+
+NEIGHBOUR_DIFFERENCE = 2.0 / math.sqrt(math.pi)  # mean |a - b| of two normal draws of deviation 1
 
 
 @kernel
@@ -115,8 +118,8 @@ def shift_lane(x, P, side, width_std):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def contrast_threshold(frame, rows, p, t, work):  # type: ignore[no-untyped-def]
-    """Response under which a ridge is taken for texture: by the road's own grain between the borders."""
+def pixel_noise(frame, rows, work):  # type: ignore[no-untyped-def]
+    """Standard deviation of a pixel on the road between the borders, from neighbours' differences."""
     total, count = 0.0, 0
     for r in range(0, rows.shape[0], 4):
         left, right = work.border[LEFT, r, 0], work.border[RIGHT, r, 0]
@@ -127,9 +130,7 @@ def contrast_threshold(frame, rows, p, t, work):  # type: ignore[no-untyped-def]
         if not math.isnan(grain):
             total += grain
             count += 1
-    if count == 0:
-        return t.contrast
-    return max(t.contrast, t.grain_factor * total / count)
+    return total / count / NEIGHBOUR_DIFFERENCE if count > 0 else 0.0
 
 
 @kernel
@@ -170,8 +171,8 @@ class Room(NamedTuple):
 def room_for(rows):  # type: ignore[no-untyped-def]
     """Room for `rows` image rows."""
     return Room(
-        np.zeros((rows * PER_ROW, 2)),
-        np.zeros((PER_ROW, 2)),
+        np.zeros((rows * SEGMENTS * PER_SEGMENT, 2)),
+        np.zeros((PER_SEGMENT, 2)),
         np.zeros(2 * HALF_BINS + 1),
         np.zeros(2 * HALF_BINS + 1),
         np.zeros((STARTS, STATES)),
@@ -196,8 +197,8 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
     trial, predicted = room.trial, room.predicted
     lane_start(t, trial)
     place_borders(trial, 0.0, rows, p, t, work)
-    threshold = contrast_threshold(frame, rows, p, t, work)
-    found = ridge_points(frame, rows, p, t, 1.5 * threshold, work.sums, work.response, room.ridge, room.point)
+    noise = pixel_noise(frame, rows, work)
+    found = ridge_points(frame, rows, p, t, noise, work, room.ridge, room.point)
     vote(room.point, found, t, room.bins, room.smooth, room.starts, room.score)
     for attempt in range(STARTS + 1):
         if attempt == STARTS:
@@ -210,7 +211,7 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
                 continue
             place_borders(trial, 0.0, rows, p, t, work)
             parabola_as_candidates(left, right, rows, work)
-            if not fit(trial, 0.0, predicted, rows, p, t, 2.0, 3, 1.0, work):
+            if not fit(trial, 0.0, predicted, rows, p, t, 2.0, 3, work):
                 continue
         else:
             if room.score[attempt] <= 0.0:
@@ -223,12 +224,12 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
         initial_covariance(P, t, 0.4, 0.03, 0.35, 2e-3)
         if not invert(P, work.factor, work.prior):
             continue
-        threshold = contrast_threshold(frame, rows, p, t, work)
-        gather(frame, trial, 0.0, rows, p, t, 0.7, 4.0, threshold, work)
-        if not fit(trial, 0.0, predicted, rows, p, t, 0.35, 6, threshold, work):
+        noise = pixel_noise(frame, rows, work)
+        gather(frame, trial, 0.0, rows, p, t, 0.7, 4.0, noise, work)
+        if not fit(trial, 0.0, predicted, rows, p, t, 0.35, 6, work):
             continue
-        gather(frame, trial, 0.0, rows, p, t, 0.4, 3.0, threshold, work)
-        if not fit(trial, 0.0, predicted, rows, p, t, 0.15, 5, threshold, work):
+        gather(frame, trial, 0.0, rows, p, t, 0.4, 3.0, noise, work)
+        if not fit(trial, 0.0, predicted, rows, p, t, 0.15, 5, work):
             continue
         found_left, expected_left = tally(work, LEFT)
         found_right, expected_right = tally(work, RIGHT)
@@ -253,11 +254,11 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
 
 
 @kernel
-def far_border_share(frame, x, phase, side, rows, p, t, threshold, work):  # type: ignore[no-untyped-def]
+def far_border_share(frame, x, phase, side, rows, p, t, noise, work):  # type: ignore[no-untyped-def]
     """Share of rows in which the outer border of the lane beyond border `side` is seen."""
     beyond = x.copy()
     beyond[OFFSET] -= x[WIDTH] if side == LEFT else -x[WIDTH]
-    gather(frame, beyond, phase, rows, p, t, 0.4, 2.0, threshold, work)
+    gather(frame, beyond, phase, rows, p, t, 0.4, 2.0, noise, work)
     found, expected = 0, 0
     for r in range(rows.shape[0]):
         if work.expected[side, r]:
@@ -297,11 +298,11 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
             before[:] = x
             good = invert(P, work.factor, work.prior)
             place_borders(x, phase, rows, p, t, work)
-            threshold = contrast_threshold(frames[i], rows, p, t, work)
+            noise = pixel_noise(frames[i], rows, work)
             if good:
                 if 0.5 * x[WIDTH] - abs(x[OFFSET]) < 0.0:
                     side = LEFT if x[OFFSET] > 0.0 else RIGHT
-                    share = far_border_share(frames[i], x, phase, side, rows, p, t, threshold, work)
+                    share = far_border_share(frames[i], x, phase, side, rows, p, t, noise, work)
                     if share > t.neighbour_share:
                         shift = 1 if side == LEFT else -1
                         shift_lane(x, P, shift, t.shift_width_std)
@@ -311,20 +312,20 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
                         before[:] = x
                         good = invert(P, work.factor, work.prior)
                 reach = t.reach_m if misses == 0 and shift == 0 else 1.6 * t.reach_m
-                gather(frames[i], x, phase, rows, p, t, reach, 2.5, threshold, work)
+                gather(frames[i], x, phase, rows, p, t, reach, 2.5, noise, work)
                 wide = t.start_association_m if misses == 0 and shift == 0 else 2.0 * t.start_association_m
-                good = good and fit(x, phase, before, rows, p, t, wide, t.iterations, threshold, work)
+                good = good and fit(x, phase, before, rows, p, t, wide, t.iterations, work)
             if good:
                 found_left, expected_left = tally(work, LEFT)
                 found_right, expected_right = tally(work, RIGHT)
                 seen_left = side_seen(found_left, expected_left, t)
                 seen_right = side_seen(found_right, expected_right, t)
-                good = (seen_left or seen_right) and plausible(x, t)
+                good = plausible(x, t)
                 good = good and abs(x[OFFSET] - before[OFFSET]) < t.jump_m
                 good = good and abs(x[HEADING] - before[HEADING]) < t.jump_rad
                 good = good and invert(work.information, work.factor, P)
             if good:
-                misses = 0 if seen_left and seen_right else max(0, misses - 1)
+                misses = 0 if seen_left or seen_right else misses + 1
                 for side in range(2):
                     found, expected = (
                         (found_left, expected_left) if side == LEFT else (found_right, expected_right)
@@ -338,6 +339,8 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
                         status = SEARCHING
                     elif age >= t.confirm_frames:
                         status = LOCKED
+                if misses > t.patience_frames:
+                    status = SEARCHING
             else:
                 seen_left, seen_right = False, False
                 x[:] = before

@@ -26,28 +26,39 @@ def road_noise(frame, row, first, last):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def candidates(frame, row, column, half, width_px, threshold, sums, response, out):  # type: ignore[no-untyped-def]
-    """The strongest ridges with their centre within `half` pixels of `column`; out (M, 2): centre, response.
+def candidates(frame, row, stack, lean, column, half, width_px, noise, t, sums, response, out):  # type: ignore[no-untyped-def]
+    """The strongest ridges with their centre within `half` pixels of `column`; out (M, 2): centre, strength.
 
-    The response is the mean grey over the paint's width less the mean of the brighter flank; the centre is
-    the centroid of what stands out. frame (240, 320) uint8, row: array row. sums, response: work space.
-    Returns how many were found; those with a response under `threshold` are none.
+    The response is the mean grey over the paint's width less the mean of the brighter flank, the strength
+    that over what texture and noise reach; under 1 there is no ridge. The centre is the centroid of what
+    stands out. frame (240, 320) uint8; row: array row; stack: 1, or 3 to average it with its neighbours along
+    a line that goes `lean` columns to the right per row upwards; noise: standard deviation of a pixel.
+    sums, response: work space. Returns how many were found.
     """
     columns = frame.shape[1]
     box = max(1, int(width_px + 0.5))
     flank = max(2, min(box, 6))
     reach = flank + 1  # a pixel each side is left out: it is part paint
-    lowest = max(math.ceil(column - half - 0.5 * (box - 1)), reach)
-    highest = min(math.floor(column + half - 0.5 * (box - 1)), columns - box - reach)
+    shift = math.floor(lean + 0.5) if stack == 3 else 0
+    margin = reach + abs(shift)
+    lowest = max(math.ceil(column - half - 0.5 * (box - 1)), margin)
+    highest = min(math.floor(column + half - 0.5 * (box - 1)), columns - box - margin)
     count = highest - lowest + 1
     if count < 1:
         return 0
     base = lowest - reach
     length = count + box + 2 * reach - 1
     sums[0] = 0
-    for j in range(length):
-        sums[j + 1] = sums[j] + frame[row, base + j]
-    per_box, per_flank = 1.0 / box, 1.0 / flank
+    if stack == 3:
+        for j in range(length):
+            k = base + j
+            three = np.int64(frame[row, k]) + frame[row - 1, k + shift] + frame[row + 1, k - shift]
+            sums[j + 1] = sums[j] + three
+    else:
+        for j in range(length):
+            sums[j + 1] = sums[j] + np.int64(frame[row, base + j])
+    threshold = max(t.contrast, t.noise_factor * noise * math.sqrt((1.0 / box + 1.0 / flank) / stack))
+    per_box, per_flank = 1.0 / (box * stack), 1.0 / (flank * stack)
     for k in range(count):
         inner = sums[k + reach + box] - sums[k + reach]
         one = sums[k + flank] - sums[k]
@@ -69,6 +80,7 @@ def candidates(frame, row, column, half, width_px, threshold, sums, response, ou
         if place < out.shape[0]:
             out[place, 0], out[place, 1] = k, r
             found = min(found + 1, out.shape[0])
+    per_pixel = 1.0 / stack
     for m in range(found):
         k = int(out[m, 0])
         one = (sums[k + flank] - sums[k]) * per_flank
@@ -76,9 +88,10 @@ def candidates(frame, row, column, half, width_px, threshold, sums, response, ou
         floor = max(one, other) + 0.25 * out[m, 1]
         weight, moment = 0.0, 0.0
         for j in range(k + reach - 1, k + reach + box + 1):
-            above = (sums[j + 1] - sums[j]) - floor
+            above = (sums[j + 1] - sums[j]) * per_pixel - floor
             if above > 0.0:
                 weight += above
                 moment += above * j
         out[m, 0] = base + moment / weight
+        out[m, 1] /= threshold
     return found
