@@ -78,7 +78,7 @@ def test_a_bend_is_neither_cut_nor_run_wide(kmh: float, radius_m: float) -> None
 
 
 def test_an_unstable_loop_of_driver_and_vehicle_is_refused() -> None:
-    with pytest.raises(ValueError, match="bandwidth_rps = 2.0.*unstable"):
+    with pytest.raises(ValueError, match=r"bandwidth_rps = 2.0.*unstable"):
         unit_sd(Driver(bandwidth_rps=2.0, damping=0.1, steer_lag_s=1.0), VEHICLE, 30.0)
 
 
@@ -315,7 +315,7 @@ def test_population_shares() -> None:
 
 
 def test_settings_that_contradict_each_other() -> None:
-    with pytest.raises(SettingsError, match="alert_sd_least_m = 0.25 is above alert_sd_most_m = 0.2"):
+    with pytest.raises(SettingsError, match=r"alert_sd_least_m = 0\.25 is above alert_sd_most_m = 0\.2"):
         read(Driver, {"alert_sd_least_m": 0.25}, "mine.toml")
     with pytest.raises(SettingsError, match="did you mean 'sleepy_share'"):
         read(Driver, {"sleepy_shar": 0.25}, "mine.toml")
