@@ -66,7 +66,7 @@ class Restart:
 
     enabled: bool = True
     patience: int = Field(8, ge=1, description="failing frames in a row until the first stage")
-    least_score: float = Field(8.0, description="objective F in grey levels")
+    least_score: float = Field(5.0, description="objective F in grey levels")
     least_width_px: float = Field(200.0, gt=0, description="1.7 m for the default camera")
     greatest_width_px: float = Field(650.0, gt=0, description="5.6 m for the default camera")
     center_px: float = Field(160.0, description="column under which the vehicle drives")

@@ -24,7 +24,7 @@ class Plausibility:
     """How borders of the published search become a lane, and when they are believed."""
 
     farthest_m: float = Field(60.0, gt=5, description="border points beyond are left out of the fit")
-    least_score: float = Field(8.0, gt=0, description="objective F, grey levels, from which a border counts")
+    least_score: float = Field(5.0, gt=0, description="objective F, grey levels, from which a border counts")
     full_score: float = Field(40.0, gt=0, description="F of a border that scores 1")
     least_width_m: float = Field(2.3, gt=0)
     greatest_width_m: float = Field(5.0, gt=0)

@@ -28,6 +28,7 @@ from plugin.lane.genetic_kernels import (
     spin,
     swapped_bits,
 )
+from plugin.lane.geometry import lane_estimate_from_borders
 from plugin.lane.objective import objective
 from sumo_net.batch import join, select
 from sumo_net.randomness import bits, stream_key
@@ -233,6 +234,15 @@ def test_a_lost_border_is_searched_anew():
     state, borders = run(road, 10, state)
     assert (borders.score > 30).all()
     assert np.median(row_errors(borders.left[0], 1.8)) < 5.0
+
+
+def test_a_road_without_markings_does_not_lock():
+    state, locked = init(keys(5)), []
+    for i in range(30):
+        frame = draw((), noise=8.0, seed=i)
+        state, borders = search(np.repeat(frame[None], 5, 0), state, PAPER)
+        locked.append(lane_estimate_from_borders(borders, state.shifted, Camera()).locked)
+    assert np.mean(locked) <= 0.02
 
 
 def test_restart_can_be_switched_off():
