@@ -35,6 +35,15 @@ def _plain_errors() -> Iterator[None]:
         raise typer.Exit(2) from None
 
 
+@contextlib.contextmanager
+def _told_where(out: Path) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        _errors.print(f"interrupted: the rows so far are in {out}")
+        raise typer.Exit(130) from None
+
+
 @app.command()
 def run(
     scenario: Annotated[str, typer.Argument(help="Built-in name, FILE.toml or FILE.sumocfg.")] = "highway",
@@ -56,7 +65,7 @@ def run(
     from analysis.simulate import simulate
     from analysis.summary import print_summary
 
-    with _plain_errors():
+    with _plain_errors(), _told_where(out):
         directory = simulate(
             scenario,
             out,

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from camera_synth.render import Pose
-from plugin.configuration import Configuration, configuration_from
+from plugin.configuration import Configuration, configuration_from, versions
 from plugin.ground_truth import curvature_ahead, margins, true_motion
 from plugin.motion import observer, prediction
 from plugin.motion.estimate import MotionEstimate, Trajectory
@@ -84,6 +84,8 @@ class DriverAssistance:
         labels = {"lane_id": traffic.lane_ids, "tlc_side": ("left", "right"), "ldw_state": departure.CODES}
         self._scorer = Scorer(self.recorder, self._names, labels, configuration.matching)
         self._steps = 0
+        self._seed = seed
+        self._begin_s = self._end_s = np.nan
         self._horizon = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64) - 1
         self._closed = False
 
@@ -139,6 +141,9 @@ class DriverAssistance:
         snapshot = self._traffic.snapshot()
         truth = self._ego.step(snapshot, self._find_equipped(snapshot))
         self._steps += 1
+        self._end_s = self._traffic.time_s
+        if self._steps == 1:
+            self._begin_s = self._end_s
         self._follow_fleet(truth.handle)
         if len(truth.handle):
             self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
@@ -151,8 +156,25 @@ class DriverAssistance:
         if not self._closed:
             self._closed = True
             self._scorer.settle(np.inf, final=True)
+            self.recorder.append("runs", self._run_row())
             self.recorder.close()
             self._vision.close()
+
+    def _run_row(self) -> dict[str, list[Any]]:
+        row = {
+            "seed": self._seed,
+            "mode": self.configuration.mode,
+            "configuration_hash": self.configuration.hash,
+            "versions": versions(),
+            "begin_s": self._begin_s,
+            "end_s": self._end_s,
+            "vehicles": len(self._names),
+            "vehicle_steps": self._scorer.vehicle_steps,
+            "distance_km": self._scorer.distance_m / 1000.0,
+            "departures": self._scorer.departures,
+            "warnings": self._scorer.warnings,
+        }
+        return {name: [value] for name, value in row.items()}
 
     def _find_equipped(self, snapshot: Snapshot) -> Array:
         new = snapshot.handle[snapshot.handle > self._last_handle].tolist()

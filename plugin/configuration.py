@@ -1,7 +1,12 @@
 """All settings of a run: the scenario's world, and what is fitted to the equipped vehicles."""
 
+import contextlib
 import dataclasses
+import hashlib
+import json
+import platform
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
 
@@ -44,6 +49,12 @@ class Configuration(Scenario):
     matching: Matching = Field(default_factory=Matching, description="of warnings with true crossings")
 
     @property
+    def hash(self) -> str:
+        """SHA-256 over all settings, the same for equal settings on every machine."""
+        text = json.dumps(dataclasses.asdict(self), sort_keys=True)  # type: ignore[call-overload]
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
     def observing(self) -> ObserverSettings:
         """The observer's settings in this run's mode."""
         return dataclasses.replace(self.observer, mode=self.mode)
@@ -76,6 +87,15 @@ def configuration_from(mapping: Mapping[str, Any], source: str = "settings") -> 
             raise SettingsError(f"{source}: condition.preset = {name!r}: known are {', '.join(PRESETS)}")
         mapping["condition"] = {**preset_settings(name), **condition}
     return read(Configuration, mapping, source)
+
+
+def versions() -> str:
+    """The versions that a result may depend on."""
+    parts = [f"python {platform.python_version()}"]
+    for name in ("sumo-adas", "libsumo", "numpy", "numba"):
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            parts.append(f"{name} {metadata.version(name)}")
+    return ", ".join(parts)
 
 
 def read_camera(path: Path) -> Camera:

@@ -122,4 +122,18 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("lead_time_s", "from that warning to the crossing; negative for a late one", decimals=3),
         _flag("in_zone", "the warning began inside the placement zone (ISO 17361, from memory)"),
     ),
+    "runs": (
+        _RUN,
+        Column("seed", "of equipment, drivers and sensors (and of SUMO, where it was started here)", "int"),
+        _text("mode", "paper or refined"),
+        _text("configuration_hash", "SHA-256 of all settings"),
+        _text("versions", "of this project, SUMO, Python, NumPy and Numba"),
+        Column("begin_s", "SUMO time of the first recorded step", decimals=2),
+        Column("end_s", "of the last one", decimals=2),
+        Column("vehicles", "equipped vehicles that were on the road", "int"),
+        Column("vehicle_steps", "rows of `steps`", "int"),
+        Column("distance_km", "driven by equipped vehicles"),
+        Column("departures", "crossings without a turn signal", "int"),
+        Column("warnings", "lane-departure warnings", "int"),
+    ),
 }

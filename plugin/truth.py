@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from plugin.events import LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching
+from plugin.events import LEFT, RIGHT, SIGNALLED, Departure, EventBook, LaneWarning, Matching
 from plugin.record import Recorder
 from plugin.schema import TABLES
 from sumo_net.driver import CAUSES
@@ -60,6 +60,8 @@ class Scorer:
         self._open: dict[int, LaneWarning] = {}
         self.distance_m = 0.0
         self.vehicle_steps = 0
+        self.departures = 0  # without a turn signal
+        self.warnings = 0
 
     def add(self, columns: dict[str, Array]) -> None:
         """Take one step; arrays of equal length n."""
@@ -82,6 +84,8 @@ class Scorer:
         self._write_steps(rows, new)
         self._write_predictions(rows, follows, new)
         departures, warnings = self._book.settle(until, final)
+        self.departures += sum(row["cause"] != CAUSES[SIGNALLED] for row in departures)
+        self.warnings += len(warnings)
         self._write_events("departures", departures)
         self._write_events("warnings", warnings)
         rows["written"] |= new
