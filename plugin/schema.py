@@ -52,11 +52,11 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column(
             "left_a", "left border x = a·y² + b·y + c in the 320x240 image, y up from the bottom", decimals=7
         ),
-        Column("left_b", "", decimals=5),
-        Column("left_c", "", decimals=3),
+        Column("left_b", "its slope at the bottom row", decimals=5),
+        Column("left_c", "its column at the bottom row", decimals=3),
         Column("right_a", "right border", decimals=7),
-        Column("right_b", "", decimals=5),
-        Column("right_c", "", decimals=3),
+        Column("right_b", "its slope at the bottom row", decimals=5),
+        Column("right_c", "its column at the bottom row", decimals=3),
         Column("lane_score", "0 (nothing seen) to 1"),
         Column("lateral_offset_m", "estimate of true_lateral_offset_m"),
         Column("heading_error_rad", "estimate of true_heading_error_rad", decimals=6),
