@@ -23,7 +23,8 @@ def reference() -> str:
     """The Markdown text."""
     parts = [_HEADER]
     for name, columns in TABLES.items():
-        parts.append(f"\n## {name}\n\nA row is {_ROWS[name]}.\n\n| column | type | meaning |\n|---|---|---|\n")
+        parts.append(f"\n## {name}\n\nA row is {_ROWS[name]}.\n\n")
+        parts.append("| column | type | meaning |\n|---|---|---|\n")
         parts += [_line(column) for column in columns]
     return "".join(parts)
 

@@ -16,8 +16,8 @@ from camera_synth.render import PROCESSED_FROM, Pose, new_frames, render
 from plugin.configuration import Configuration
 from plugin.lane import genetic, refine
 from plugin.lane.estimate import Borders, LaneEstimate
-from plugin.lane.genetic import SearchState, search_numbers
-from plugin.lane.geometry import lane_estimate_from_borders
+from plugin.lane.genetic import SearchState, fitted_to, search_numbers
+from plugin.lane.geometry import lane_estimate_from_borders, marking_centres
 from plugin.lane.refine import LaneState
 from plugin.recognition_kernels import ROW_STEP, ROWS, judge
 from sumo_net.batch import join, select
@@ -73,7 +73,7 @@ class Vision:
         self._beside = beside
         self._paper = configuration.mode == "paper"
         self._projection = projection(configuration.camera)
-        self._numbers = search_numbers(configuration.search)
+        self._numbers = search_numbers(fitted_to(configuration.search, configuration.camera))
         condition = configuration.condition
         self._dash = (condition.dash_stroke_m, condition.dash_stroke_m + condition.dash_gap_m)
         count = threads or os.cpu_count() or 1
@@ -145,7 +145,7 @@ class Vision:
             lane = lane_estimate_from_borders(
                 borders, search.shifted, self._configuration.camera, self._configuration.plausibility
             )
-            columns = _parabola_columns(borders)
+            columns = self._parabola_columns(borders)
         else:
             search, start, wanted = self._start(frames, lane_state, search)
             lane_state, lane = refine.step(
@@ -156,7 +156,7 @@ class Vision:
         beside, beside_verdict = state.beside, np.full(len(speed_mps), -1, np.int8)
         if self._beside:
             beside, found = genetic.search(frames, beside, self._numbers)
-            beside_verdict = self._judge(scene, _parabola_columns(found))
+            beside_verdict = self._judge(scene, self._parabola_columns(found))
         after = state._replace(frame=state.frame + 1, lane=lane_state, search=search, beside=beside)
         return after, Sight(lane, borders, self._judge(scene, columns), beside_verdict)
 
@@ -190,7 +190,13 @@ class Vision:
         )  # fmt: skip
         return verdict
 
+    def _parabola_columns(self, borders: Borders) -> Array:
+        # the published objective is greatest on a marking's inner edge; judged is the marking
+        centres = marking_centres(borders, self._configuration.camera, self._configuration.plausibility)
+        return parabola_columns(centres)
 
-def _parabola_columns(borders: Borders) -> Array:
+
+def parabola_columns(borders: Borders) -> Array:
+    """(n, 2, ROWS) columns of the left and the right border at JUDGED_Y."""
     both = np.stack([borders.left, borders.right], axis=1)[:, :, None, :]
     return np.ascontiguousarray((both[..., 0] * JUDGED_Y + both[..., 1]) * JUDGED_Y + both[..., 2])
