@@ -41,8 +41,8 @@ def new_bodies(count):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def place(bodies, objects, i, p, light, haze_grey, visibility):  # type: ignore[no-untyped-def]
-    """Fill `bodies` with what vehicle i sees of its Objects; light: the daylight's gain."""
+def place(bodies, objects, i, p, look):  # type: ignore[no-untyped-def]
+    """Fill `bodies` with what vehicle i sees of its Objects in the light of its Look."""
     count = objects.handle.shape[1]
     order = np.empty(count, np.int64)
     distance = np.empty(count)
@@ -60,8 +60,11 @@ def place(bodies, objects, i, p, light, haze_grey, visibility):  # type: ignore[
     used = 0
     for at in range(found):
         bodies.polygons[used] = 0
-        keep = visibility / (visibility + distance[at])
-        _place_body(bodies, used, objects, i, order[at], p, light * keep, haze_grey * (1.0 - keep))
+        keep = look.visibility_m / (look.visibility_m + distance[at])
+        fall = 1.0 + distance[at] / look.headlight_reach_m
+        light = keep * (look.ambient + look.headlight / (fall * fall))
+        haze = look.haze_grey * look.ambient * (1.0 - keep)
+        _place_body(bodies, used, objects, i, order[at], p, light, haze)
         if bodies.polygons[used] > 0:
             used += 1
     bodies.used[0] = used
@@ -194,6 +197,32 @@ def paint_bodies(canvas, bodies):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def hides(bodies, x, y):  # type: ignore[no-untyped-def]
+    """Whether a body (not its shadow) covers the image point."""
+    for b in range(bodies.used[0]):
+        for q in range(bodies.polygons[b]):
+            if bodies.opacity[b, q] < 1.0:
+                continue
+            left, right = _span(bodies.vertex[b, q], bodies.vertices[b, q], y)
+            if left <= x <= right:
+                return True
+    return False
+
+
+@kernel
+def _span(vertex, used, y):  # type: ignore[no-untyped-def]
+    """(left, right) of a convex polygon at height y; left > right where it does not reach."""
+    left, right = math.inf, -math.inf
+    for c in range(used):
+        d = c + 1 if c + 1 < used else 0
+        y0, y1 = vertex[c, 1], vertex[d, 1]
+        if (y0 <= y) != (y1 <= y):
+            x = vertex[c, 0] + (y - y0) / (y1 - y0) * (vertex[d, 0] - vertex[c, 0])
+            left, right = min(left, x), max(right, x)
+    return left, right
+
+
+@kernel
 def _paint_polygon(canvas, vertex, used, grey, opacity):  # type: ignore[no-untyped-def]
     """A convex polygon, by the share of each pixel that it covers."""
     rows, width = canvas.shape
@@ -204,19 +233,25 @@ def _paint_polygon(canvas, vertex, used, grey, opacity):  # type: ignore[no-unty
     first_row, last_row = max(math.floor(max(bottom, -1.0) + 0.5), 0), min(top + 0.5, rows - 1.0)
     for y in range(first_row, math.floor(last_row) + 1):
         low, high = max(bottom, y - 0.5), min(top, y + 0.5)
-        middle = 0.5 * (low + high)
-        left, right = math.inf, -math.inf
-        for c in range(used):
-            d = c + 1 if c + 1 < used else 0
-            y0, y1 = vertex[c, 1], vertex[d, 1]
-            if (y0 <= middle) != (y1 <= middle):
-                x = vertex[c, 0] + (middle - y0) / (y1 - y0) * (vertex[d, 0] - vertex[c, 0])
-                left, right = min(left, x), max(right, x)
+        left, right = _span(vertex, used, 0.5 * (low + high))
         left, right = max(left, -1.0), min(right, width + 0.0)
         if right <= left or high <= low:
             continue
-        share = np.float32((high - low) * opacity)
         first, last = max(math.floor(left + 0.5), 0), min(math.floor(right + 0.5), width - 1)
-        for x in range(first, last + 1):
-            cover = np.float32(min(x + 0.5, right) - max(x - 0.5, left)) * share
-            canvas[y, x] += cover * (grey - canvas[y, x])
+        _blend(
+            canvas[y, first : last + 1],
+            np.float32(first + 0.5 - left),
+            np.float32(right + 0.5 - first),
+            np.float32(min(right - left, 1.0)),
+            np.float32((high - low) * opacity),
+            grey,
+        )
+
+
+@kernel
+def _blend(part, from_left, to_right, most, share, grey):  # type: ignore[no-untyped-def]
+    """Blend grey into the pixels between two edges, by what they cover of each."""
+    for x in range(part.shape[0]):
+        f = np.float32(x)
+        cover = min(min(f + from_left, to_right - f), most)
+        part[x] += cover * share * (grey - part[x])

@@ -81,7 +81,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
     },
     "night": {
         "ambient": 0.16,
-        "headlight": 0.9,
+        "headlight": 1.3,
         "sky_grey": 40.0,
         "haze_grey": 20.0,
         "visibility_m": 300.0,

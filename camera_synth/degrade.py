@@ -37,10 +37,8 @@ times: Any = intrinsic(_times)
 def _lattice(hu, hv):  # type: ignore[no-untyped-def]
     """float32 in [-1, 1) of a lattice point, given its two scrambled coordinates."""
     h = np.uint32(hu ^ hv)
-    h = np.uint32(h ^ (h >> np.uint32(16)))
-    h = times(h, _M1)
-    h = np.uint32(h ^ (h >> np.uint32(15)))
-    h = times(h, _M2)
+    h = times(np.uint32(h ^ (h >> np.uint32(15))), _M1)
+    h = np.uint32(h ^ (h >> np.uint32(13)))
     return np.float32(np.int32(h >> np.uint32(8))) * np.float32(1.0 / 8388608.0) - np.float32(1.0)
 
 

@@ -40,7 +40,7 @@ class Curves(NamedTuple):
 class Crossings(NamedTuple):
     """Scratch for one vehicle: where the curves cross the edges between image rows.
 
-    Entry e is the line at image height e - 0.5, so row y lies between entries y and y + 1.
+    For drawing, entry e is the line at image height e - 0.5, so row y lies between entries y and y + 1.
     """
 
     ahead: Array  # (rows + 1,)
@@ -184,11 +184,11 @@ def row_line(y, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def cross(crossings, curves, p):  # type: ignore[no-untyped-def]
-    """Fill `crossings` from `curves` for a camera with Projection p."""
+def cross(crossings, curves, lowest, p):  # type: ignore[no-untyped-def]
+    """Fill `crossings` from `curves` for a camera with Projection p; entry e is at height `lowest` + e."""
     edges, samples = crossings.ahead.shape[0], curves.start.shape[1]
     for e in range(edges):
-        crossings.ahead[e], _ = row_line(e - 0.5, p)
+        crossings.ahead[e], _ = row_line(lowest + e, p)
     for k in range(CURVES):
         last = curves.last[k]
         if last == 0:

@@ -30,7 +30,7 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
         look = look_of(looks, i)
         view = _view(x_m[i], y_m[i], heading_rad[i], p)
         tabulate(curves, road, i, p)
-        cross(crossings, curves, p)
+        cross(crossings, curves, -0.5, p)
         paint_ground(canvas, field, node, ground, crossings, look, view, p)
         if look.wheel_tracks > 0.0:
             paint_tracks(canvas, ground, crossings, look)
@@ -40,7 +40,7 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
             _trace_skyline(skyline, view, p, look.world_seed)
             for y in range(ground, rows):
                 _paint_sky(canvas[y], y - horizon, skyline, look)
-        place(bodies, objects, i, p, look.ambient, look.haze_grey, look.visibility_m)
+        place(bodies, objects, i, p, look)
         paint_bodies(canvas, bodies)
         exposure = exposure_of(look, view.sin, view.cos, horizon, p, keys[i], counters[i])
         read_out(frames[i], canvas, field, node, exposure, keys[i], counters[i])

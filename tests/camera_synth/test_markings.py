@@ -27,10 +27,10 @@ def border(radius: float, offset: float, heading: float, side: float) -> np.ndar
     return np.column_stack([c * x + s * y, -s * x + c * y, np.zeros_like(x)])
 
 
-def columns(camera: Camera, points: np.ndarray) -> np.ndarray:
-    """Mean column of a projected line over each of the image rows 0 to 149."""
+def columns(camera: Camera, points: np.ndarray, spread: float = 1.0) -> np.ndarray:
+    """Mean column of a projected line over each of image rows 0 to 149, or at their middles (spread 0)."""
     image = project_opencv(camera, points)
-    rows = np.arange(150)[:, None] + np.linspace(-0.5, 0.5, 21)
+    rows = np.arange(150)[:, None] + spread * np.linspace(-0.5, 0.5, 21)
     return np.asarray(np.interp(rows, image[:, 1], image[:, 0]).mean(axis=1))
 
 

@@ -1,0 +1,39 @@
+"""The true borders of a lane in the image, to judge lane detection by."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from camera_synth.camera import WIDTH_PX, Projection
+from camera_synth.condition import Looks
+from camera_synth.render import PROCESSED_ROWS
+from camera_synth.truth_kernels import locate_borders
+from sumo_net.road import Array, RoadAhead
+from sumo_net.surroundings import Objects
+
+
+class BorderColumns(NamedTuple):
+    """Where n lanes' borders are in image rows y = 0 … rows - 1 (from the bottom); index 0 left, 1 right."""
+
+    column: Array  # (n, 2, rows) of the line's centre; NaN without marking, outside the image, behind a body
+    painted: Array  # (n, 2, rows) bool: in a solid line or a dash's stroke, not in its gap; wear apart
+
+
+def border_columns(
+    projection: Projection,
+    road_ahead: RoadAhead,
+    objects: Objects,
+    right_slot: Array,
+    looks: Looks,
+    rows: int = PROCESSED_ROWS,
+) -> BorderColumns:
+    """The borders of the lane whose right border stands in slot `right_slot` (n,) of each RoadAhead.
+
+    For the lane that holds the vehicle that is road.OWN_RIGHT + EgoTruth.lanes_left. The same geometry as
+    render's, at the rows' middles. All arrays C-contiguous.
+    """
+    n = len(right_slot)
+    column, painted = np.full((n, 2, rows), np.nan), np.zeros((n, 2, rows), np.bool_)
+    slots = np.ascontiguousarray(right_slot, np.int64)
+    locate_borders(column, painted, WIDTH_PX, projection, road_ahead, objects, slots, looks)
+    return BorderColumns(column, painted)

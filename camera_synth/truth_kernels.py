@@ -1,0 +1,39 @@
+"""Where the ego lane's borders truly are in the image, and where a body hides them."""
+
+import math
+
+from camera_synth.body_kernels import hides, new_bodies, place
+from camera_synth.condition import look_of
+from camera_synth.ground_kernels import cross, new_crossings, new_curves, tabulate
+from sumo_net.compile import kernel
+from sumo_net.road import MAX_BORDERS, SOLID
+
+
+@kernel
+def locate_borders(column, painted, width, p, road, objects, right_slot, looks):  # type: ignore[no-untyped-def]
+    """Fill column, painted (n, 2, rows); see truth.border_columns."""
+    n, _, rows = column.shape
+    curves, crossings = new_curves(road.forward_m.shape[1]), new_crossings(rows - 1)
+    bodies = new_bodies(objects.handle.shape[1])
+    for i in range(n):
+        look = look_of(looks, i)
+        tabulate(curves, road, i, p)
+        cross(crossings, curves, 0.0, p)
+        place(bodies, objects, i, p, look)
+        period = look.dash_stroke_m + look.dash_gap_m
+        for side in range(2):
+            slot = right_slot[i] + 1 - side
+            for y in range(rows):
+                column[i, side, y] = math.nan
+                painted[i, side, y] = False
+                if not 0 <= slot < MAX_BORDERS or crossings.kind[y, slot] == 0:
+                    continue
+                x = crossings.column[y, slot]
+                if x < -0.5 or x > width - 0.5 or hides(bodies, x, y):
+                    continue
+                column[i, side, y] = x
+                station = crossings.station[y, slot]
+                solid = crossings.kind[y, slot] == SOLID
+                painted[i, side, y] = (
+                    solid or station - math.floor(station / period) * period < look.dash_stroke_m
+                )
