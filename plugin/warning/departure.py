@@ -3,11 +3,12 @@
 A warning is due towards a side when the vehicle drifts to it and either the time to lane crossing is at most
 `threshold_s` or the wheel is within `edge_m` of the border. It is given in the zone of ISO 17361 (from
 memory): not earlier than 0.75 m inside the border (1.5 s times the rate of departure between 0.5 and 1 m/s,
-1.5 m above), not later than 0.3 m outside. One warning an approach: the side is armed again when the wheel
-is back inside by `rearm_gap_m` and the time to crossing well above the threshold.
+1.5 m above), not later than 0.3 m outside. One warning an approach: the side is armed again when the time to
+crossing is well above the threshold and the wheel back inside, by `rearm_gap_m`, or by `edge_m` once the last
+warning is `rearm_s` ago.
 
-A look that stands alone does not warn: the time to crossing must have been near the threshold one step
-before (`confirm_s` above it), which a true approach, shrinking by one step a step, has been: no lead is lost.
+A look that stands alone does not warn: one step before, the time to crossing must have been near the
+threshold (`confirm_s` above it) or the wheel near the border. A true approach has been: no lead is lost.
 """
 
 from typing import NamedTuple
@@ -63,6 +64,7 @@ class DepartureSettings:
     earliest_most_m: float = Field(1.5, gt=0, description="and never earlier than this")
     latest_m: float = Field(0.3, ge=0, description="not later outside the border")
     rearm_gap_m: float = Field(0.25, ge=0, description="wheel so far inside before the side can warn again")
+    rearm_s: float = Field(3.0, ge=0, description="or so long after the last warning, with edge_m inside")
     least_speed_mps: float = Field(
         11.1, ge=0, description="active from 40 km/h (11.1 m/s); streets are slower"
     )
@@ -98,8 +100,8 @@ class DepartureState(NamedTuple):
     served_right: Array
     hold_left_s: Array  # how long the turn signal still excuses
     hold_right_s: Array
-    last_left_s: Array  # time to crossing one step before
-    last_right_s: Array
+    near_left: Array  # bool: a warning might have been due one step later
+    near_right: Array
 
 
 class DepartureWarning(NamedTuple):
@@ -125,6 +127,7 @@ def numbers(settings: DepartureSettings, step_s: float = 0.1) -> DepartureNumber
         c.earliest_most_m,
         c.latest_m,
         c.rearm_gap_m,
+        c.rearm_s,
         c.urgent_s,
         c.least_speed_mps,
         max(0.0, c.least_speed_mps - c.speed_hysteresis_mps),
@@ -145,8 +148,8 @@ def init(n: int) -> DepartureState:
         np.zeros(n, bool),
         np.zeros(n),
         np.zeros(n),
-        np.full(n, np.inf),
-        np.full(n, np.inf),
+        np.zeros(n, bool),
+        np.zeros(n, bool),
     )
 
 

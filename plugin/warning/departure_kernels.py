@@ -21,6 +21,7 @@ class DepartureNumbers(NamedTuple):
     earliest_most: float
     latest: float
     rearm_gap: float
+    rearm_time: float
     urgent: float
     speed_on: float
     speed_off: float
@@ -37,6 +38,12 @@ def due(tlc, gap, drift, c):  # type: ignore[no-untyped-def]
         return False
     earliest = min(max(c.earliest, c.earliest_time * drift), c.earliest_most)
     return gap <= c.edge or (tlc <= c.threshold and gap <= earliest)
+
+
+@kernel
+def near(tlc, gap, c):  # type: ignore[no-untyped-def]
+    """Whether a warning may be due one step later: what a true approach has been before."""
+    return tlc <= c.threshold + c.confirm or gap <= 2.0 * c.edge
 
 
 @kernel
@@ -61,53 +68,52 @@ def step(state, crossing, drift, shift, speed, signal, c, new, out):  # type: ig
         if shift[i] != 0:
             # In another lane now: the border just crossed is behind, and its approach has had its warning.
             served_left = served_right = True
-        last_left, last_right = state.last_left_s[i], state.last_right_s[i]
+        near_left = near_right = False
         started, level = 0, 0
 
         if seen:
             left, right = crossing.left_s[i], crossing.right_s[i]
             gap_left, gap_right = crossing.gap_left_m[i], crossing.gap_right_m[i]
-            due_left = due(left, gap_left, drift[i], c) and last_left <= c.threshold + c.confirm
-            due_right = due(right, gap_right, -drift[i], c) and last_right <= c.threshold + c.confirm
+            due_left = due(left, gap_left, drift[i], c) and state.near_left[i]
+            due_right = due(right, gap_right, -drift[i], c) and state.near_right[i]
+            near_left, near_right = near(left, gap_left, c), near(right, gap_right, c)
+            # Back inside: far enough at once, a little only when the last warning is long ago.
+            inside = c.edge if since >= c.rearm_time - 1e-9 else c.rearm_gap
             clear = c.threshold + c.hysteresis
-            if gap_left >= c.rearm_gap and left > clear:
-                served_left = False
-            if gap_right >= c.rearm_gap and right > clear:
-                served_right = False
-            last_left, last_right = left, right
+            served_left = served_left and not (gap_left >= inside and left > clear)
+            served_right = served_right and not (gap_right >= inside and right > clear)
         else:
             left = right = gap_left = gap_right = math.inf
             due_left = due_right = False
-            last_left = last_right = math.inf
 
         if active != 0:
-            near = gap_left if active > 0 else gap_right
+            gap = gap_left if active > 0 else gap_right
             time = left if active > 0 else right
             outward = drift[i] * active
-            over = shift[i] != 0 or near < -c.latest
-            goes_on = (time <= c.threshold + c.hysteresis and outward > -c.least_drift) or near <= 0.0
+            over = shift[i] != 0 or gap < -c.latest
+            goes_on = (time <= c.threshold + c.hysteresis and outward > -c.least_drift) or gap <= 0.0
             timely = since < c.most_time - 1e-9
             if not fast or not timely or (since >= c.least_time - 1e-9 and (over or not goes_on)):
                 active = 0
         if active == 0 and fast and seen:
             if due_left and not served_left:
-                if hold_left > 0.0:
+                if hold_left > 1e-9:
                     code = SUPPRESSED
                 else:
                     active, started, since, served_left = 1, 1, 0.0, True
             if due_right and not served_right:
-                if hold_right > 0.0:
+                if hold_right > 1e-9:
                     code = SUPPRESSED
                 elif active == 0:
                     active, started, since, served_right = -1, -1, 0.0, True
         if active != 0:
             code = WARNING_LEFT if active > 0 else WARNING_RIGHT
-            near = gap_left if active > 0 else gap_right
+            gap = gap_left if active > 0 else gap_right
             time = left if active > 0 else right
-            level = 2 if near <= 0.0 or time <= c.urgent else 1
+            level = 2 if gap <= 0.0 or time <= c.urgent else 1
 
         new.fast[i], new.active[i], new.since_s[i] = fast, active, since
         new.served_left[i], new.served_right[i] = served_left, served_right
         new.hold_left_s[i], new.hold_right_s[i] = max(hold_left, 0.0), max(hold_right, 0.0)
-        new.last_left_s[i], new.last_right_s[i] = last_left, last_right
+        new.near_left[i], new.near_right[i] = near_left, near_right
         out.code[i], out.side[i], out.started[i], out.level[i] = code, active, started, level

@@ -21,17 +21,21 @@ class Crossing(NamedTuple):
 
 
 def time_to_lane_crossing(
-    motion: MotionEstimate, path: Trajectory, vehicle: Vehicle, half_span_m: Array, step_s: float = 0.1
+    motion: MotionEstimate,
+    path: Trajectory,
+    vehicle: Vehicle,
+    half_span_m: Array | None = None,
+    step_s: float = 0.1,
 ) -> Crossing:
     """TLC of n vehicles on their predicted paths (n, H), whose points are step_s apart.
 
-    The wheel's edge lies l_f ahead of the centre of gravity and half_span_m (n,) aside; between two points
-    of the path it moves linearly. half_span_m (n,): for vehicles whose wheels stand otherwise than `vehicle`'s.
-    The path decides the method: predicted, constant velocity, constant radius.
+    The wheel's edge lies l_f ahead of the centre of gravity and half_span_m (n,) aside (default: half of the
+    vehicle's wheel span); between two points of the path it moves linearly. The path decides the method:
+    predicted, constant velocity, constant radius.
     """
     n = len(motion.lateral_offset_m)
     half_span = np.full(n, 0.5 * vehicle.wheel_span_m) if half_span_m is None else half_span_m
     floats = [np.empty(n) for _ in range(5)]
     out = Crossing(floats[0], np.zeros(n, np.int8), *floats[1:])
-    tlc_kernels.crossing(motion, path, vehicle.front_axle_m, half_span_m, step_s, out)
+    tlc_kernels.crossing(motion, path, vehicle.front_axle_m, half_span, step_s, out)
     return out

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from manoeuvre import drive, looks, unseen
+
 from plugin.motion import bank
 from plugin.motion.bank import BankSettings
 from plugin.motion.bank_kernels import observe

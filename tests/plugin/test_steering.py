@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-
 from manoeuvre import drive, looks
+
 from plugin.motion.steering import dynamic_steer, kinematic_steer
 from plugin.motion.steering_kernels import front_steer
 from sumo_net.vehicle import Vehicle

@@ -1,0 +1,248 @@
+"""The lane-departure warning, driven by crossings made by hand and by predicted ones."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_prediction import motion
+
+from plugin.motion.prediction import PredictionSettings, constant_velocity, predictor
+from plugin.warning import departure
+from plugin.warning.departure import (
+    CODES,
+    INACTIVE,
+    LANE_NOT_SEEN,
+    READY,
+    SUPPRESSED,
+    WARNING_LEFT,
+    WARNING_RIGHT,
+    DepartureSettings,
+)
+from plugin.warning.tlc import Crossing, time_to_lane_crossing
+from sumo_net.batch import join, select
+from sumo_net.settings import SettingsError, read
+from sumo_net.vehicle import Vehicle
+
+HALF = Vehicle()
+PREDICTOR = predictor(HALF, PredictionSettings())
+INSIDE_M = 1.125  # the car's centre may be so far off before a wheel is on the border
+
+
+def play(offset, drift, v=25.0, signal=0, shift=0, settings=None, state=None, known=True):
+    """Run k steps over offsets and drifts (k,) or (k, n); returns the warnings as columns (k, n)."""
+    offset = np.asarray(offset, float)
+    offset = offset[:, None] if offset.ndim == 1 else offset
+
+    def column(value, kind=float):
+        value = np.asarray(value, kind)
+        return np.broadcast_to(value[:, None] if value.ndim == 1 else value, offset.shape)
+
+    drift, v, known = column(drift), column(v), column(known, bool)
+    signal, shift = column(signal, np.int8), column(shift, np.int8)
+    numbers = departure.numbers(settings or DepartureSettings())
+    state, out = state or departure.init(offset.shape[1]), []
+    for k in range(len(offset)):
+        m = motion(lateral_speed=drift[k], offset=np.where(known[k], offset[k], np.nan))
+        m = m._replace(lane_shift=shift[k].copy())
+        crossing = time_to_lane_crossing(m, constant_velocity(m, v[k].copy(), PREDICTOR), HALF)
+        state, warning = departure.step(state, crossing, m, v[k].copy(), signal[k].copy(), numbers)
+        out.append(warning)
+    return departure.DepartureWarning(*(np.array(part) for part in zip(*out, strict=True)))
+
+
+def drift_out(speed=0.4, steps=50, start=0.0):
+    drift = np.full(steps, speed)
+    return start + 0.1 * np.cumsum(drift), drift
+
+
+def test_warns_once_a_second_before_the_crossing():
+    offset, drift = drift_out()
+    got = play(offset, drift)
+    begun = np.flatnonzero(got.started[:, 0])
+    assert len(begun) == 1
+    lead = (INSIDE_M - offset[begun[0]]) / 0.4
+    assert lead == pytest.approx(1.0, abs=0.11)
+    assert lead <= 1.0 + 1e-9
+    assert got.code[begun[0], 0] == WARNING_LEFT
+    assert got.side[begun[0], 0] == 1
+    assert (got.code[: begun[0], 0] == READY).all()
+
+
+def test_a_single_look_that_jumps_does_not_warn():
+    offset = np.full(30, 0.2)
+    drift = np.zeros(30)
+    drift[15], offset[15] = 1.2, 0.4
+    assert not play(offset, drift).started.any()
+    drift[15:17], offset[15:17] = 1.2, 0.4
+    assert play(offset, drift).started.any()
+
+
+def test_confirmation_costs_no_lead_in_a_true_approach():
+    offset, drift = drift_out(0.7)
+    with_confirmation = play(offset, drift).started[:, 0]
+    without = play(offset, drift, settings=DepartureSettings(confirm_s=1e6)).started[:, 0]
+    np.testing.assert_array_equal(with_confirmation, without)
+
+
+def test_the_warning_lasts_at_least_and_at_most_what_is_set():
+    offset = np.r_[drift_out(0.5, 13)[0], np.full(60, 0.0)]
+    drift = np.r_[np.full(13, 0.5), np.full(60, -0.3)]
+    active = play(offset, drift).side[:, 0] != 0
+    assert active.sum() == pytest.approx(5, abs=1)
+    offset, drift = drift_out(0.5, 22)
+    offset, drift = np.r_[offset, np.full(80, 1.2)], np.r_[drift, np.full(80, 0.0)]
+    active = play(offset, drift).side[:, 0] != 0
+    assert active.sum() == pytest.approx(40, abs=1)
+
+
+def test_one_warning_an_approach_and_armed_again_after_return():
+    wobble = 0.95 + 0.07 * np.sin(np.arange(100) * 0.5)  # TLC swings about the threshold near the border
+    drift = np.r_[0.0, np.diff(wobble)] / 0.1
+    assert np.count_nonzero(play(wobble, drift, settings=DepartureSettings(rearm_s=1e3)).started) == 1
+    assert np.all(np.diff(np.flatnonzero(play(wobble, drift).started)) >= 30)
+    there = np.r_[np.linspace(0, 1.05, 22), np.linspace(1.05, 0, 22)[1:]]
+    twice = np.r_[there, np.zeros(10), there]
+    got = play(twice, np.r_[0.0, np.diff(twice)] / 0.1)
+    assert np.count_nonzero(got.started) == 2
+
+
+def test_inactive_below_its_speed_with_hysteresis():
+    offset, drift = drift_out(0.4)
+    assert (play(offset, drift, v=10.0).code == INACTIVE).all()
+    speed = np.r_[
+        np.full(10, 12.0), np.full(10, 10.5), np.full(10, 9.0), np.full(10, 10.5), np.full(10, 12.0)
+    ]
+    got = play(np.zeros(50), np.zeros(50), v=speed).code[:, 0]
+    assert (got[:20] == READY).all()
+    assert (got[20:40] == INACTIVE).all()
+    assert (got[40:] == READY).all()
+
+
+def test_lane_not_seen_is_a_state_and_ends_no_running_warning_early():
+    offset, drift = drift_out(0.5, 60)
+    known = np.ones(60, bool)
+    known[30:40] = False
+    got = play(np.minimum(offset, 0.2), np.zeros(60), known=known).code[:, 0]
+    assert (got[30:40] == LANE_NOT_SEEN).all()
+    first = int(np.argmax(play(offset, drift).started[:, 0] != 0))
+    known = np.ones(60, bool)
+    known[first + 1 :] = False
+    got = play(offset, drift, known=known)
+    assert (got.side[first : first + 5, 0] == 1).all()
+    assert (got.code[first + 10 :, 0] == LANE_NOT_SEEN).all()
+
+
+def test_turn_signal_excuses_its_side_and_some_time_after():
+    offset, drift = drift_out(0.4)
+    got = play(offset, drift, signal=1)
+    assert not got.started.any()
+    assert (got.code == SUPPRESSED).any()
+    assert play(offset, drift, signal=-1).started.any()
+    first = int(np.argmax(play(offset, drift).started[:, 0] != 0))
+    signal = np.zeros(50)
+    signal[: first - 5] = 1
+    delayed = play(offset, drift, signal=signal).started[:, 0]
+    assert np.argmax(delayed != 0) == first - 6 + 15  # 1.5 s after the last signalled step
+
+
+def test_level_two_at_the_border():
+    offset, drift = drift_out(0.4)
+    got = play(offset, drift)
+    over = offset >= INSIDE_M
+    active = got.side[:, 0] != 0
+    assert (got.level[active & over, 0] == 2).all()
+    assert got.level[np.argmax(active), 0] == 1
+    assert (got.level[~active, 0] == 0).all()
+
+
+def test_slow_drift_is_warned_at_the_border_and_none_without_drift():
+    offset = np.linspace(0.9, 1.2, 100)  # 3 cm/s: its TLC of 1 s is 3 cm, less than a camera's error
+    settings = DepartureSettings(least_drift_mps=0.02)
+    first = int(np.argmax(play(offset, np.full(100, 0.03), settings=settings).started[:, 0]))
+    assert INSIDE_M - offset[first] == pytest.approx(0.10, abs=0.01)
+    assert not play(np.full(50, 1.06), np.zeros(50)).started.any()
+
+
+def test_not_earlier_and_not_later_than_the_zone():
+    # 1.2 m/s from the far side: TLC 1 s is 1.2 m inside, the zone begins at 1.5 m
+    offset, drift = drift_out(1.2, 18, -0.9)
+    first = int(np.argmax(play(offset, drift).started[:, 0] != 0))
+    assert INSIDE_M - offset[first] == pytest.approx(1.2, abs=0.13)
+    early = DepartureSettings(threshold_s=3.0, hysteresis_s=0.0)
+    offset, drift = drift_out(0.4, 45, -0.5)
+    first = int(np.argmax(play(offset, drift, settings=early).started[:, 0] != 0))
+    assert INSIDE_M - offset[first] <= 0.75 + 1e-9
+    # found beyond the border by more than 0.3 m: too late to warn
+    assert not play(np.full(20, INSIDE_M + 0.35), np.full(20, 0.2)).started.any()
+    assert play(np.full(20, INSIDE_M + 0.2), np.full(20, 0.2)).started.any()
+
+
+def test_after_a_change_of_lane_the_border_behind_does_not_warn():
+    # the centre of gravity crosses at 0.8 m/s; the right wheel is then over the border just crossed
+    offset = np.r_[np.arange(1.0, 1.875, 0.08), np.arange(-1.875, 0.0, 0.08)]
+    shift = np.zeros(len(offset))
+    shift[np.argmin(offset)] = 1
+    noisy = np.full(len(offset), 0.8)
+    noisy[np.argmin(offset) + 2 :] = -0.05  # a look that says: back towards the border
+    got = play(offset, noisy, shift=shift)
+    assert (got.started[int(np.argmin(offset)) :, 0] == 0).all()
+    assert np.count_nonzero(got.started) == 1
+
+
+@given(
+    start=st.floats(-0.5, 0.5),
+    steps=st.lists(st.floats(-0.8, 0.8), min_size=20, max_size=40),
+    signal=st.integers(-1, 1),
+)
+def test_mirror(start, steps, signal):
+    drift = np.array(steps)
+    offset = start + 0.1 * np.cumsum(drift)
+    one = play(offset, drift, signal=signal)
+    other = play(-offset, -drift, signal=-signal)
+    swap = np.array([INACTIVE, READY, WARNING_RIGHT, WARNING_LEFT, SUPPRESSED, LANE_NOT_SEEN])
+    np.testing.assert_array_equal(one.code, swap[other.code])
+    np.testing.assert_array_equal(one.started, -other.started)
+    np.testing.assert_array_equal(one.level, other.level)
+
+
+def test_order_and_slices_change_nothing():
+    rng = np.random.default_rng(4)
+    drift = rng.normal(0, 0.4, (60, 6))
+    offset = 0.1 * np.cumsum(drift, axis=0)
+    whole, order = play(offset, drift), np.array([3, 0, 5, 1, 4, 2])
+    mixed, part = play(offset[:, order], drift[:, order]), play(offset[:, 2:5], drift[:, 2:5])
+    for a, b, c in zip(whole, mixed, part, strict=True):
+        np.testing.assert_array_equal(a[:, order], b)
+        np.testing.assert_array_equal(a[:, 2:5], c)
+
+
+def test_state_can_be_split_and_joined():
+    state = departure.init(3)
+    for part, whole in zip(join(select(state, slice(0, 1)), select(state, slice(1, 3))), state, strict=True):
+        np.testing.assert_array_equal(part, whole)
+
+
+def test_every_code_has_a_name():
+    assert CODES[WARNING_LEFT] == "warning left"
+    assert len(CODES) == LANE_NOT_SEEN + 1
+
+
+def test_settings_say_what_is_wrong():
+    with pytest.raises(SettingsError, match=r"least_duration_s = 9.0: must not be above most_duration_s"):
+        read(DepartureSettings, {"least_duration_s": 9.0}, "x.toml")
+    with pytest.raises(SettingsError, match="did you mean 'threshold_s'"):
+        read(DepartureSettings, {"treshold_s": 1.0}, "x.toml")
+
+
+def test_nan_speed_is_inactive():
+    m = motion(offset=0.0)
+    never = Crossing(*(np.array([value]) for value in (np.inf, 0, np.inf, np.inf, 1.0, 1.0)))
+    _, got = departure.step(
+        departure.init(1),
+        never,
+        m,
+        np.array([np.nan]),
+        np.zeros(1, np.int8),
+        departure.numbers(DepartureSettings()),
+    )
+    assert got.code[0] == INACTIVE

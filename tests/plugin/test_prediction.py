@@ -1,0 +1,179 @@
+"""Predicted paths against the independent integrator, and against what can be computed by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from manoeuvre import drive
+
+from plugin.motion.estimate import MotionEstimate
+from plugin.motion.prediction import (
+    PredictionSettings,
+    constant_radius,
+    constant_velocity,
+    predict,
+    predictor,
+)
+from plugin.motion.prediction_kernels import hold
+from sumo_net.batch import select
+from sumo_net.vehicle import Vehicle, model, single_track, steady_state, zero_order_hold
+
+HALF = Vehicle()
+METHODS = {"predict": predict, "constant velocity": constant_velocity, "constant radius": constant_radius}
+
+
+def motion(
+    lateral_speed=0.0, yaw_rate=0.0, steer=0.0, offset=0.0, heading=0.0, curvature=0.0, curvature_rate=0.0
+):
+    values = (lateral_speed, yaw_rate, steer, offset, heading, curvature, curvature_rate, 3.75)
+    parts = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, float)) for value in values))
+    return MotionEstimate(*(np.ascontiguousarray(part) for part in parts), np.zeros(len(parts[0]), np.int8))
+
+
+def speed(v, m):
+    return np.full(len(m.steer_rad), float(v))
+
+
+@pytest.mark.parametrize("v", [0.6, 2.0, 8.0, 25.0, 60.0])
+def test_hold_is_the_matrix_exponential(v):
+    transition, entry = zero_order_hold(*single_track(HALF, v), 0.1)
+    e11, e12, e21, e22, g1, g2 = hold(v, model(HALF), 0.1)
+    assert np.array([[e11, e12], [e21, e22]]) == pytest.approx(transition, abs=1e-10)
+    assert np.array([[g1], [g2]]) == pytest.approx(entry, abs=1e-8)
+
+
+@pytest.mark.parametrize("kmh", [40, 70, 90, 120])
+def test_paper_is_the_single_track_model_with_the_steer_held(kmh):
+    v = kmh / 3.6
+    start = (0.05, 0.02, 0.0, 0.3, 0.01)
+    truth = drive(HALF, lambda *_: 0.004, lambda t: v, lambda s: 0.001 + 1e-5 * s, 3.0, start)
+    m = motion(0.05, 0.02, 0.004, 0.3, 0.01, 0.001, 1e-5)
+    path = predict(m, speed(v, m), predictor(HALF, PredictionSettings(mode="paper", curvature_reach_m=1e3)))
+    assert path.lane_offset_m.shape == (1, 30)
+    assert path.lane_offset_m[0] == pytest.approx(truth.offset_m[1:], abs=0.01)
+    assert path.lane_heading_rad[0] == pytest.approx(truth.heading_rad[1:], abs=5e-4)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_path_in_the_vehicle_frame_and_on_the_lane_are_the_same(name):
+    # the lane, integrated finely in the vehicle frame, must carry the vehicle's path
+    v, k, rate, d, psi = 25.0, 0.002, 1e-5, 0.4, 0.02
+    m = motion(-0.05, 0.06, 0.004, d, psi, k, rate)
+    path = METHODS[name](m, speed(v, m), predictor(HALF, PredictionSettings(curvature_reach_m=1e3)))
+    s = np.linspace(0.0, 90.0, 90_001)
+    direction = -psi + k * s + rate * s**2 / 2
+    x = np.concatenate([[0.0], np.cumsum(np.cos(direction[:-1]) * 1e-3)]) + d * np.sin(-psi)
+    y = np.concatenate([[0.0], np.cumsum(np.sin(direction[:-1]) * 1e-3)]) - d * np.cos(-psi)
+    for j in (0, 9, 19, 29):
+        dx, dy = path.forward_m[0, j] - x, path.left_m[0, j] - y
+        nearest = int(np.argmin(dx**2 + dy**2))
+        aside = -np.sin(direction[nearest]) * dx[nearest] + np.cos(direction[nearest]) * dy[nearest]
+        assert path.lane_offset_m[0, j] == pytest.approx(aside, abs=0.01)
+        turned = path.heading_rad[0, j] - direction[nearest]
+        assert path.lane_heading_rad[0, j] == pytest.approx(turned, abs=2e-3)
+
+
+def test_steady_turn_of_20_m_a_second_for_2_s_is_a_40_m_arc():
+    slip, yaw = steady_state(HALF, 20.0, 0.01)
+    m = motion(slip, yaw, 0.01)
+    path = predict(m, speed(20.0, m), predictor(HALF, PredictionSettings(mode="paper")))
+    radius = np.hypot(20.0, slip) / yaw
+    turned = yaw * 2.0
+    chord = np.hypot(path.forward_m[0, 19], path.left_m[0, 19])
+    assert path.heading_rad[0, 19] == pytest.approx(turned)
+    assert chord == pytest.approx(2 * radius * np.sin(turned / 2), rel=1e-3)
+    circle = constant_radius(m, speed(20.0, m), predictor(HALF, PredictionSettings()))
+    assert circle.left_m[0, 19] == pytest.approx(path.left_m[0, 19], abs=5e-3)
+
+
+def test_constant_velocity_follows_the_road_and_drifts():
+    m = motion(0.1, 0.0, 0.0, 0.2, 0.01, 0.002)
+    path = constant_velocity(m, speed(25.0, m), predictor(HALF, PredictionSettings()))
+    drift = 25.0 * np.sin(0.01) + 0.1 * np.cos(0.01)
+    assert path.lane_offset_m[0] == pytest.approx(0.2 + drift * 0.1 * np.arange(1, 31))
+    assert path.lane_heading_rad[0] == pytest.approx(0.01)
+
+
+def test_refined_follows_the_road_ahead():
+    # on a clothoid, steered for the road: paper runs off, refined stays
+    v, k, rate = 25.0, 0.0, 2e-5
+    slip, yaw = steady_state(HALF, v, 0.0)
+    settings = PredictionSettings()
+    per = HALF.wheelbase_m + HALF.understeer * v**2
+    m = motion(slip, yaw, per * rate * settings.preview_s * v, 0.0, 0.0, k, rate)
+    refined = predict(m, speed(v, m), predictor(HALF, settings))
+    held = predict(m, speed(v, m), predictor(HALF, PredictionSettings(mode="paper")))
+    assert abs(refined.lane_offset_m[0, 19]) < 0.1
+    assert abs(held.lane_offset_m[0, 19]) > 2.5 * abs(refined.lane_offset_m[0, 19])
+
+
+def test_residual_fades_with_its_time_constant():
+    m = motion(steer=0.002)
+    offsets = []
+    for fade in (0.3, 1.0, 3.0, 1e9):
+        settings = PredictionSettings(residual_time_s=fade)
+        offsets.append(predict(m, speed(25.0, m), predictor(HALF, settings)).lane_offset_m[0, -1])
+    assert np.all(np.diff(offsets) > 0)
+    held = predict(m, speed(25.0, m), predictor(HALF, PredictionSettings(mode="paper")))
+    assert offsets[-1] == pytest.approx(held.lane_offset_m[0, -1], abs=1e-3)
+
+
+def test_lane_keeping_leads_back_to_the_centre():
+    settings = PredictionSettings(horizon_s=10.0, return_gain=1.0, residual_time_s=0.1)
+    m = motion(offset=0.8, heading=0.01)
+    path = predict(m, speed(25.0, m), predictor(HALF, settings))
+    assert abs(path.lane_offset_m[0, -1]) < 0.05
+    free = predict(m, speed(25.0, m), predictor(HALF, PredictionSettings(horizon_s=10.0)))
+    assert free.lane_offset_m[0, -1] > 3.0
+
+
+def test_change_of_curvature_is_believed_only_so_far():
+    m = motion(curvature_rate=2e-5)
+    near = constant_radius(m, speed(30.0, m), predictor(HALF, PredictionSettings(curvature_reach_m=30.0)))
+    # beyond 30 m the curvature stays 6e-4: heading of the lane at s is ½ k' 30² + 6e-4 (s − 30)
+    assert near.lane_heading_rad[0, -1] == pytest.approx(-(1e-5 * 900 + 6e-4 * 60), rel=0.02)
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("v", [0.0, 0.3, 1.0, 4.0])
+def test_slow_and_standing(name, v):
+    m = motion(0.0, 0.0, 0.02, 0.3, 0.05, 0.01, 1e-4)
+    path = METHODS[name](m, speed(v, m), predictor(HALF, PredictionSettings()))
+    assert all(np.isfinite(part).all() for part in path)
+    assert np.hypot(path.forward_m, path.left_m).max() <= 3.0 * v * 1.1 + 1e-9
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_unknown_motion_is_an_unknown_path(name):
+    m = motion([0.1, np.nan], [0.02, np.nan], [0.004, np.nan], [0.2, np.nan], [0.01, np.nan])
+    path = METHODS[name](m, speed(25.0, m), predictor(HALF, PredictionSettings()))
+    assert np.isfinite(path.lane_offset_m[0]).all()
+    assert np.isnan(path.lane_offset_m[1]).all()
+    assert np.isnan(path.left_m[1]).all()
+
+
+@pytest.mark.parametrize("name", METHODS)
+@given(
+    values=st.tuples(*(st.floats(-1, 1) for _ in range(7))), v=st.floats(0.0, 40.0), gain=st.floats(0.0, 1.0)
+)
+def test_mirror(name, values, v, gain):
+    scaled = np.array(values) * [0.3, 0.1, 0.01, 1.5, 0.05, 0.004, 3e-5]
+    both = motion(*np.stack([scaled, -scaled], axis=1))
+    settings = PredictionSettings(return_gain=gain)
+    path = METHODS[name](both, speed(v, both), predictor(HALF, settings))
+    np.testing.assert_array_equal(path.forward_m[0], path.forward_m[1])
+    for part in (path.left_m, path.heading_rad, path.lane_offset_m, path.lane_heading_rad):
+        np.testing.assert_array_equal(part[0], -part[1])
+
+
+def test_order_and_slices_change_nothing():
+    rng = np.random.default_rng(1)
+    m = motion(*(rng.standard_normal((7, 5)) * np.array([[0.3, 0.1, 0.01, 1, 0.05, 0.004, 3e-5]]).T))
+    v, q = rng.uniform(0, 40, 5), predictor(HALF, PredictionSettings())
+    whole = predict(m, v, q)
+    order = np.array([3, 1, 4, 0, 2])
+    mixed = predict(select(m, order), v[order], q)
+    part = predict(select(m, slice(1, 4)), v[1:4], q)
+    for a, b, c in zip(whole, mixed, part, strict=True):
+        np.testing.assert_array_equal(a[order], b)
+        np.testing.assert_array_equal(a[1:4], c)
