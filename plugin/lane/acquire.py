@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 
-from plugin.lane.refine_fit import rows_stacked
 from plugin.lane.ridge import candidates
 from plugin.lane.road_model import (
     HEADING,
@@ -18,6 +17,7 @@ from plugin.lane.road_model import (
     LEFT,
     OFFSET,
     PITCH,
+    SPACING_M,
     STATES,
     TURN,
     WIDTH,
@@ -35,17 +35,31 @@ STARTS = 3
 
 
 @kernel
-def initial_covariance(P, t, offset_std, heading_std, width_std, curvature_std):  # type: ignore[no-untyped-def]
-    """P of a state of which only a start is known; curvature is a random walk along the road."""
+def initial_covariance(P, t, lateral_std, direction_std, width_std, curvature_std):  # type: ignore[no-untyped-def]
+    """P of a start: an arc known by its place and direction at MIDDLE_M and its curvature, independently.
+
+    Along the road the curvature is a random walk about the arc's.
+    """
     P[:, :] = 0.0
-    P[OFFSET, OFFSET] = offset_std * offset_std
-    P[HEADING, HEADING] = heading_std * heading_std
+    for i in range(STATES):
+        for j in range(STATES):
+            # offset = -(y - M direction + K M² / 2), heading = -(direction - K M)
+            lateral = (i == OFFSET) * (j == OFFSET)
+            d_i = MIDDLE_M * (i == OFFSET) - (i == HEADING)
+            d_j = MIDDLE_M * (j == OFFSET) - (j == HEADING)
+            k_i = -0.5 * MIDDLE_M**2 * (i == OFFSET) + MIDDLE_M * (i == HEADING) + (KNOT <= i < KNOT + KNOTS)
+            k_j = -0.5 * MIDDLE_M**2 * (j == OFFSET) + MIDDLE_M * (j == HEADING) + (KNOT <= j < KNOT + KNOTS)
+            P[i, j] = lateral * lateral_std**2 + d_i * d_j * direction_std**2 + k_i * k_j * curvature_std**2
     P[WIDTH, WIDTH] = width_std * width_std
     P[PITCH, PITCH] = t.pitch_std * t.pitch_std
     P[TURN, TURN] = t.turn_std * t.turn_std
+    pivot = int(MIDDLE_M / SPACING_M)
     for i in range(KNOTS):
         for j in range(KNOTS):
-            P[KNOT + i, KNOT + j] = curvature_std * curvature_std + min(i, j) * t.bend_std * t.bend_std
+            if (i > pivot) == (j > pivot):
+                P[KNOT + i, KNOT + j] += min(abs(i - pivot), abs(j - pivot)) * t.bend_std * t.bend_std
+    for j in range(KNOTS):
+        P[KNOT + j, KNOT + j] += 1e-10
 
 
 @kernel
@@ -79,7 +93,7 @@ def ridge_points(frame, rows, p, t, noise, work, ridge, point):  # type: ignore[
             count = candidates(
                 frame,
                 height - 1 - int(rows[r]),
-                rows_stacked(rows, r),
+                3,
                 (vanishing_x - column) / (vanishing_y - rows[r]),
                 column,
                 half,

@@ -86,12 +86,14 @@ class Tuning(NamedTuple):
     knot_walk: float = 3e-5  # per root metre driven
     noise_px: float = 0.7  # of a marking centre; rows err together, so more than one row shows
     noise_m: float = 0.02
-    none: float = 0.1  # weight of 'no ridge here is the border'
     association_m: float = 0.03
     association_px: float = 0.7
-    start_association_m: float = 0.12
     iterations: int = 4
-    reach_m: float = 0.3
+    gate: float = 3.0  # standard deviations of the prediction that are looked through
+    reach_m: float = 0.12  # and this much more
+    reach_px: float = 2.5
+    furthest_aside_m: float = 1.2  # but not as far as the next lane's lines
+    bend_keep: float = 0.95  # of the last knot's curvature in a new one
     least_rows: int = 4
     least_share: float = 0.1
     lock_rows: int = 24

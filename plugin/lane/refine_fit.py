@@ -47,6 +47,7 @@ class Work(NamedTuple):
     ridge: Array  # (2, rows, CANDIDATES, 2) centre, response
     ridges: Array  # (2, rows) int64 how many
     expected: Array  # (2, rows) bool: a marking there would be in the image
+    spread: Array  # (rows,) standard deviation of the predicted borders, columns
     found: Array  # (2, rows) bool: and was seen where the model says
     sums: Array
     response: Array
@@ -68,6 +69,7 @@ def workspace(rows):  # type: ignore[no-untyped-def]
         np.zeros((2, rows, CANDIDATES, 2)),
         np.zeros((2, rows), np.int64),
         np.zeros((2, rows), np.bool_),
+        np.zeros(rows),
         np.zeros((2, rows), np.bool_),
         np.zeros(BUFFER_PX + 1, np.int64),
         np.zeros(BUFFER_PX),
@@ -151,15 +153,51 @@ def place_borders(x, phase, rows, p, t, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def rows_stacked(rows, r):  # type: ignore[no-untyped-def]
-    """How many image rows stand behind rows[r]: near the vehicle three, which lie closer than it moves."""
-    near = r + 1 if r + 1 < rows.shape[0] else r
-    return 3 if rows[near] - rows[near - 1] > 1.5 else 1
+def jacobian(phase, side, r, p, work):  # type: ignore[no-untyped-def]
+    """work.J = d column / d state of border `side` at row r; returns how many of its entries are set."""
+    J = work.J
+    column, scale, slope = work.border[side, r, 0], work.border[side, r, 1], work.border[side, r, 2]
+    station = work.border[side, r, 3]
+    slant = scale / max(work.border[side, r, 4], 0.3)
+    J[OFFSET] = slant
+    J[HEADING] = scale * (station + slope * (p.center_x - column) / scale)
+    J[WIDTH] = -0.5 * slant if side == LEFT else 0.5 * slant
+    J[PITCH] = work.border[side, r, 5]
+    seen = KNOT + sway(phase, work.first, work.area, station, J[KNOT:])
+    for j in range(KNOT, seen):
+        J[j] *= -slant
+    return seen
 
 
 @kernel
-def gather(frame, x, phase, rows, p, t, reach_m, reach_px, noise, work):  # type: ignore[no-untyped-def]
-    """Look for marking candidates around both borders of x, `reach_m` + `reach_px` to each side."""
+def predict_spread(x, P, phase, rows, p, t, work):  # type: ignore[no-untyped-def]
+    """work.spread: how well the columns of the borders are known before looking; places the borders."""
+    bases(phase, work.first, work.area)
+    place_borders(x, phase, rows, p, t, work)
+    last, at = 0.0, 0
+    for r in range(rows.shape[0]):
+        side = LEFT if not math.isnan(work.border[LEFT, r, 0]) else RIGHT
+        edge = r % 4 == 0 or r == rows.shape[0] - 1
+        if math.isnan(work.border[side, r, 0]) or not edge:
+            work.spread[r] = last
+            continue
+        seen = jacobian(phase, side, r, p, work)
+        variance = 0.0
+        for i in range(seen):
+            row = 0.0
+            for j in range(seen):
+                row += P[i, j] * work.J[j]
+            variance += row * work.J[i]
+        spread = math.sqrt(max(variance, 0.0))
+        for k in range(at + 1, r):
+            work.spread[k] = last + (spread - last) * (k - at) / (r - at)
+        work.spread[r] = spread
+        last, at = spread, r
+
+
+@kernel
+def gather(frame, x, phase, rows, p, t, noise, work):  # type: ignore[no-untyped-def]
+    """Look for marking candidates around both borders of x, as far aside as work.spread makes likely."""
     place_borders(x, phase, rows, p, t, work)
     height, width = frame.shape
     for side in range(2):
@@ -170,14 +208,14 @@ def gather(frame, x, phase, rows, p, t, reach_m, reach_px, noise, work):  # type
             work.found[side, r] = False
             visible = MARGIN_PX < column < width - 1 - MARGIN_PX  # False for NaN
             work.expected[side, r] = visible
-            half = reach_m * scale + reach_px
+            half = min(t.gate * work.spread[r] + t.reach_m * scale, t.furthest_aside_m * scale) + t.reach_px
             if column > -half and column < width + half:
                 if r + 1 < rows.shape[0] and not math.isnan(work.border[side, r + 1, 0]):
                     lean = (work.border[side, r + 1, 0] - column) / (rows[r + 1] - rows[r])
                 work.ridges[side, r] = candidates(
                     frame,
                     height - 1 - int(rows[r]),
-                    rows_stacked(rows, r),
+                    3 if abs(lean) < 5.0 else 1,
                     lean,
                     column,
                     half,
@@ -191,14 +229,13 @@ def gather(frame, x, phase, rows, p, t, reach_m, reach_px, noise, work):  # type
 
 
 @kernel
-def fit(x, phase, predicted, rows, p, t, width_m, iterations, work):  # type: ignore[no-untyped-def]
+def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: ignore[no-untyped-def]
     """Update x (start value in, estimate out) from `predicted` with information work.prior and candidates.
 
-    width_m: association width that the iterations start from. The posterior information is left in
+    width: how many times work.spread the association starts with. The posterior information is left in
     work.information. False where it fails.
     """
     bases(phase, work.first, work.area)
-    width = width_m
     J, gradient, information = work.J, work.gradient, work.information
     for _ in range(iterations):
         place_borders(x, phase, rows, p, t, work)
@@ -215,36 +252,26 @@ def fit(x, phase, predicted, rows, p, t, width_m, iterations, work):  # type: ig
                 if work.ridges[side, r] == 0 or math.isnan(column):
                     continue
                 scale = work.border[side, r, 1]
-                spread = width * scale + t.association_px
-                inverse = 1.0 / spread
+                inverse = 1.0 / (width * work.spread[r] + t.association_m * scale + t.association_px)
                 total, moment = 0.0, 0.0
                 for c in range(work.ridges[side, r]):
                     away = work.ridge[side, r, c, 0] - column
                     z = away * inverse
                     if z * z > 12.0:
                         continue
-                    strength = work.ridge[side, r, c, 1]
-                    w = strength / (strength + 1.0) * math.exp(-0.5 * z * z)
+                    w = odds_of_paint(work.ridge[side, r, c, 1]) * math.exp(-0.5 * z * z)
                     total += w
                     moment += w * away
                 if total <= 1e-4:
                     continue
-                weight = total / (total + t.none)
+                weight = total / (total + 1.0)
                 work.found[side, r] = weight > 0.5
                 away = moment / total
                 noise_m = t.noise_m * scale
-                weight /= t.noise_px * t.noise_px + noise_m * noise_m
-                slant = scale / max(work.border[side, r, 4], 0.3)
-                slope = work.border[side, r, 2]
-                station = work.border[side, r, 3]
-                aside = (p.center_x - column) / scale
-                J[OFFSET] = slant
-                J[HEADING] = scale * (station + slope * aside)
-                J[WIDTH] = -0.5 * slant if side == LEFT else 0.5 * slant
-                J[PITCH] = work.border[side, r, 5]
-                seen = KNOT + sway(phase, work.first, work.area, station, J[KNOT:])
-                for j in range(KNOT, seen):
-                    J[j] *= -slant
+                # neighbouring rows are averaged for a ridge: where they are all read, each is a third
+                spacing = rows[r + 1] - rows[r] if r + 1 < rows.shape[0] else 1.0
+                weight *= min(1.0, 0.34 * spacing) / (t.noise_px * t.noise_px + noise_m * noise_m)
+                seen = jacobian(phase, side, r, p, work)
                 for i in range(seen):
                     v = weight * J[i]
                     gradient[i] += v * away
@@ -257,11 +284,18 @@ def fit(x, phase, predicted, rows, p, t, width_m, iterations, work):  # type: ig
             x[i] += gradient[i]
         if not (abs(x[HEADING]) < 0.6 and abs(x[OFFSET]) < 20.0 and 1.0 < x[WIDTH] < 10.0):
             return False
-        width = max(0.4 * width, t.association_m)
+        width *= 0.35
     for i in range(STATES):
         for j in range(i):
             information[j, i] = information[i, j]
     return True
+
+
+@kernel
+def odds_of_paint(strength):  # type: ignore[no-untyped-def]
+    """Odds that a ridge is the border's paint rather than texture, by its strength over the noise's."""
+    square = strength * strength
+    return min(square * square * square, 60.0) / 6.0
 
 
 @kernel

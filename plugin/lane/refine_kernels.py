@@ -16,7 +16,17 @@ from plugin.lane.acquire import (
     ridge_points,
     vote,
 )
-from plugin.lane.refine_fit import farthest_found, fit, gather, invert, place_borders, tally, workspace
+from plugin.lane.refine_fit import (
+    farthest_found,
+    fit,
+    gather,
+    invert,
+    odds_of_paint,
+    place_borders,
+    predict_spread,
+    tally,
+    workspace,
+)
 from plugin.lane.ridge import road_noise
 from plugin.lane.road_model import (
     FURTHEST_M,
@@ -82,7 +92,8 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
-    """The first knot fell behind: renumber, and append one whose curvature is the last one's ± bend_std."""
+    """The first knot fell behind: renumber, and append one whose curvature is the last one's ± bend_std,
+    drawn a little towards a straight road."""
     last = KNOT + KNOTS - 1
     for j in range(KNOT, last):
         x[j] = x[j + 1]
@@ -96,6 +107,9 @@ def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
         P[last, i] = P[last - 1, i]
     for i in range(STATES):
         P[i, last] = P[i, last - 1]
+    x[last] *= t.bend_keep
+    P[last, :] *= t.bend_keep
+    P[:, last] *= t.bend_keep
     P[last, last] += t.bend_std * t.bend_std
 
 
@@ -209,9 +223,9 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
             initial_covariance(P, t, 1.0, 0.05, t.lane_width_std_m, 2e-3)
             if not invert(P, work.factor, work.prior):
                 continue
-            place_borders(trial, 0.0, rows, p, t, work)
+            predict_spread(trial, P, 0.0, rows, p, t, work)
             parabola_as_candidates(left, right, rows, work)
-            if not fit(trial, 0.0, predicted, rows, p, t, 2.0, 3, work):
+            if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 3, work):
                 continue
         else:
             if room.score[attempt] <= 0.0:
@@ -221,15 +235,21 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
             continue
         predicted[:] = trial
         predicted[WIDTH] = 0.5 * (predicted[WIDTH] + t.lane_width_m)
-        initial_covariance(P, t, 0.4, 0.03, 0.35, 2e-3)
+        loose = 1.0 if attempt < STARTS else 2.0
+        initial_covariance(P, t, 0.15 * loose, 0.008 * loose, 0.3, 8e-4 * loose)
         if not invert(P, work.factor, work.prior):
             continue
+        predict_spread(trial, P, 0.0, rows, p, t, work)
         noise = pixel_noise(frame, rows, work)
-        gather(frame, trial, 0.0, rows, p, t, 0.7, 4.0, noise, work)
-        if not fit(trial, 0.0, predicted, rows, p, t, 0.35, 6, work):
+        gather(frame, trial, 0.0, rows, p, t, noise, work)
+        if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 6, work):
             continue
-        gather(frame, trial, 0.0, rows, p, t, 0.4, 3.0, noise, work)
-        if not fit(trial, 0.0, predicted, rows, p, t, 0.15, 5, work):
+        # again around the first result, with what it left open
+        if not invert(work.information, work.factor, room.covariance):
+            continue
+        predict_spread(trial, room.covariance, 0.0, rows, p, t, work)
+        gather(frame, trial, 0.0, rows, p, t, noise, work)
+        if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 5, work):
             continue
         found_left, expected_left = tally(work, LEFT)
         found_right, expected_right = tally(work, RIGHT)
@@ -258,12 +278,12 @@ def far_border_share(frame, x, phase, side, rows, p, t, noise, work):  # type: i
     """Share of rows in which the outer border of the lane beyond border `side` is seen."""
     beyond = x.copy()
     beyond[OFFSET] -= x[WIDTH] if side == LEFT else -x[WIDTH]
-    gather(frame, beyond, phase, rows, p, t, 0.4, 2.0, noise, work)
+    gather(frame, beyond, phase, rows, p, t, noise, work)
     found, expected = 0, 0
     for r in range(rows.shape[0]):
         if work.expected[side, r]:
             expected += 1
-            if work.ridges[side, r] > 0:
+            if work.ridges[side, r] > 0 and odds_of_paint(work.ridge[side, r, 0, 1]) > 1.0:
                 found += 1
     return found / expected if expected >= 6 else 0.0
 
@@ -297,7 +317,7 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
             phase = predict(x, P, phase, speed[i] * t.step_s, t)
             before[:] = x
             good = invert(P, work.factor, work.prior)
-            place_borders(x, phase, rows, p, t, work)
+            predict_spread(x, P, phase, rows, p, t, work)
             noise = pixel_noise(frames[i], rows, work)
             if good:
                 if 0.5 * x[WIDTH] - abs(x[OFFSET]) < 0.0:
@@ -311,10 +331,9 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
                         new.share[i, 1 - side] = kept
                         before[:] = x
                         good = invert(P, work.factor, work.prior)
-                reach = t.reach_m if misses == 0 and shift == 0 else 1.6 * t.reach_m
-                gather(frames[i], x, phase, rows, p, t, reach, 2.5, noise, work)
-                wide = t.start_association_m if misses == 0 and shift == 0 else 2.0 * t.start_association_m
-                good = good and fit(x, phase, before, rows, p, t, wide, t.iterations, work)
+                        predict_spread(x, P, phase, rows, p, t, work)
+                gather(frames[i], x, phase, rows, p, t, noise, work)
+                good = good and fit(x, phase, before, rows, p, t, 1.0, t.iterations, work)
             if good:
                 found_left, expected_left = tally(work, LEFT)
                 found_right, expected_right = tally(work, RIGHT)
