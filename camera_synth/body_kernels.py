@@ -50,14 +50,20 @@ def place(bodies, objects, i, p, look):  # type: ignore[no-untyped-def]
     for m in range(count):
         if objects.handle[i, m] == _UNUSED or math.isnan(objects.forward_m[i, m]):
             continue
-        away = math.hypot(objects.forward_m[i, m] - p.forward, objects.left_m[i, m] - p.left)
+        f, g = objects.forward_m[i, m] - p.forward, objects.left_m[i, m] - p.left
+        away = math.sqrt(f * f + g * g)
+        ahead, aside = p.cos_yaw * f + p.sin_yaw * g, abs(p.cos_yaw * g - p.sin_yaw * f)
+        size = 0.5 * (objects.length_m[i, m] + objects.width_m[i, m]) + 1.0
+        # a cone somewhat wider than any camera's image that is centred within a quarter of its width
+        if ahead + size < 0.0 or aside - size > (ahead + size) * 260.0 / p.focal:
+            continue
         at = found
         while at > 0 and distance[at - 1] < away:
             distance[at], order[at] = distance[at - 1], order[at - 1]
             at -= 1
         distance[at], order[at] = away, m
         found += 1
-    used = 0
+    used = np.int64(0)  # a literal 0 would make another compiled variant
     for at in range(found):
         bodies.polygons[used] = 0
         keep = look.visibility_m / (look.visibility_m + distance[at])
@@ -163,7 +169,7 @@ def _polygon(bodies, b, corner, p, grey, opacity):  # type: ignore[no-untyped-de
         camera[c, 0] = p.cos_pitch * ahead - p.sin_pitch * u
         camera[c, 1] = p.sin_yaw * f - p.cos_yaw * g  # to the right
         camera[c, 2] = p.sin_pitch * ahead + p.cos_pitch * u
-    used = 0
+    used = np.int64(0)  # a literal 0 would make another compiled variant
     for c in range(4):
         d = (c + 1) % 4
         z0, z1 = camera[c, 0], camera[d, 0]

@@ -29,6 +29,7 @@ class Curves(NamedTuple):
     last: Array  # (CURVES,) int64, one past the last piece in use, 0 for none
     start: Array  # (CURVES, J) ahead where a piece begins; entry `last` is the last one's end
     cubic: Array  # (CURVES, J, 4) aside over ahead - start
+    offset: Array  # (CURVES, J) left of the path; stays 0 for the path itself
     kind: Array  # (CURVES, J) int8, 0 for nothing there
     pose: Array  # (J, 5) of the path at each sample: ahead, aside, cosine and sine of its heading, curvature
     station: Array  # (J,) at each sample
@@ -60,6 +61,7 @@ def new_curves(samples):  # type: ignore[no-untyped-def]
         np.zeros(CURVES, np.int64),
         np.zeros((CURVES, samples)),
         np.zeros((CURVES, samples, 4)),
+        np.zeros((CURVES, samples)),
         np.zeros((CURVES, samples), np.int8),
         np.zeros((samples, 5)),
         np.zeros(samples),
@@ -112,34 +114,35 @@ def tabulate(curves, road, i, p):  # type: ignore[no-untyped-def]
         counted = station[j + 1] - station[j]
         curves.length[j] = length
         curves.advance[j] = counted if abs(counted - length) < 0.3 * length else length
-    curves.station[first:known] = station[first:known]
-    offset, kind = road.border_offset_m[i], road.border_kind[i]
-    for k in range(MAX_BORDERS):
+    border, kind = road.border_offset_m[i], road.border_kind[i]
+    right, left = road.road_right_m[i], road.road_left_m[i]
+    offset, used = curves.offset, curves.kind
+    for k in range(CURVES):
         curves.last[k] = 0
+        marked = k >= MAX_BORDERS
         for j in range(first, known):
-            if kind[j, k] != 0:
-                _tabulate_curve(curves, k, offset[:, k], kind[:, k], first, known)
-                break
-    every = np.ones(samples, np.int8)
-    _tabulate_curve(curves, RIGHT_EDGE, _column(road.road_right_m[i]), _column(every), first, known)
-    _tabulate_curve(curves, LEFT_EDGE, _column(road.road_left_m[i]), _column(every), first, known)
-    _tabulate_curve(curves, PATH, _column(np.zeros(samples)), _column(every), first, known)
+            used[k, j] = 1
+            if k < MAX_BORDERS:
+                offset[k, j], used[k, j] = border[j, k], kind[j, k]
+                marked = marked or kind[j, k] != 0
+            elif k == RIGHT_EDGE:
+                offset[k, j] = right[j]
+            elif k == LEFT_EDGE:
+                offset[k, j] = left[j]
+        if marked:
+            _tabulate_curve(curves, k, first, known)
+    for j in range(first, known):
+        curves.station[j] = station[j]
 
 
 @kernel
-def _column(values):  # type: ignore[no-untyped-def]
-    """The values as a column of a table, so that one compiled variant takes them and borders alike."""
-    return values.reshape(-1, 1)[:, 0]
-
-
-@kernel
-def _tabulate_curve(curves, k, offset, kind, first, known):  # type: ignore[no-untyped-def]
+def _tabulate_curve(curves, k, first, known):  # type: ignore[no-untyped-def]
     pose, lengths, start, cubic = curves.pose, curves.length, curves.start, curves.cubic
-    kinds = curves.kind
+    offset, kind = curves.offset, curves.kind
     curves.first[k] = first
     last = 0
     for j in range(first, known - 1):
-        d0, d1 = offset[j], offset[j + 1]
+        d0, d1 = offset[k, j], offset[k, j + 1]
         seen = not (math.isnan(d0) or math.isnan(d1))
         if not seen:  # keep the pieces in step with the path; nothing is drawn on them
             d0 = 0.0 if math.isnan(d0) else d0
@@ -158,7 +161,8 @@ def _tabulate_curve(curves, k, offset, kind, first, known):  # type: ignore[no-u
         cubic[k, j, 1] = m0
         cubic[k, j, 2] = (3.0 * slope - 2.0 * m0 - m1) / run
         cubic[k, j, 3] = (m0 + m1 - 2.0 * slope) / (run * run)
-        kinds[k, j] = kind[j] if seen else 0
+        if not seen:
+            kind[k, j] = 0
         last = j + 1
     curves.last[k] = last
 
@@ -188,11 +192,12 @@ def cross(crossings, curves, lowest, p):  # type: ignore[no-untyped-def]
     """Fill `crossings` from `curves` for a camera with Projection p; entry e is at height `lowest` + e."""
     edges, samples = crossings.ahead.shape[0], curves.start.shape[1]
     for e in range(edges):
-        crossings.ahead[e], _ = row_line(lowest + e, p)
+        crossings.ahead[e], _ = row_line(np.float64(lowest + e), p)
     for k in range(CURVES):
         last = curves.last[k]
         if last == 0:
-            crossings.kind[:, k] = 0
+            for e in range(edges):
+                crossings.kind[e, k] = 0
             continue
         endless = curves.goes_on[0] and last == samples - 1
         _cross_curve(crossings, k, curves, curves.first[k], last, endless, p)

@@ -43,7 +43,7 @@ class Strip(NamedTuple):
 @kernel
 def strip_of(y, footprint, view, p):  # type: ignore[no-untyped-def]
     """The Strip of image row y."""
-    ahead, depth = row_line(y, p)
+    ahead, depth = row_line(np.float64(y), p)
     aside, step = p.center_x * depth / p.focal, -depth / p.focal
     return Strip(
         ahead,
@@ -60,7 +60,7 @@ def strip_of(y, footprint, view, p):  # type: ignore[no-untyped-def]
 @kernel
 def paint_ground(canvas, field, node, rows, crossings, look, view, p):  # type: ignore[no-untyped-def]
     """Asphalt between its edges and verge beside it, with the texture of both, on the lowest `rows` rows."""
-    textured = 0  # the footprint grows upwards, so texture ends at some row
+    textured = np.int64(0)  # the footprint grows upwards, so texture ends at some row
     while textured < rows and look.texture > 0.0:
         footprint = crossings.ahead[textured + 1] - crossings.ahead[textured]
         if not _texture(field[textured], node, strip_of(textured, footprint, view, p), look):
