@@ -1,6 +1,6 @@
 """The road camera of a fleet: 8-bit grey frames from the road, the bodies around, the pose and the day."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -24,6 +24,22 @@ class Pose(NamedTuple):
     heading_rad: Array  # counter-clockwise from +x
 
 
+class Placed(Protocol):
+    """What is needed of the vehicles: a Pose has it, and so has sumo_net.ego.EgoTruth."""
+
+    @property
+    def x_m(self) -> Array:
+        """(n,) centre of gravity, world."""
+
+    @property
+    def y_m(self) -> Array:
+        """(n,)."""
+
+    @property
+    def heading_rad(self) -> Array:
+        """(n,) counter-clockwise from +x."""
+
+
 def new_frames(count: int) -> Array:
     """Black frames for `count` vehicles, (count, 240, 320) uint8."""
     return np.zeros((count, HEIGHT_PX, WIDTH_PX), np.uint8)
@@ -34,7 +50,7 @@ def render(
     projection: Projection,
     road_ahead: RoadAhead,
     objects: Objects,
-    pose: Pose,
+    pose: Placed,
     looks: Looks,
     keys: Array,
     frame_counter: Array,
@@ -46,7 +62,17 @@ def render(
     frame's number, from which noise and slow changes of the exposure follow. Array rows above `first_row` are
     left as they are (PROCESSED_FROM draws what lane detection needs); the others are the same bytes for any
     `first_row`, and for any slicing of the fleet. All arrays C-contiguous; releases the GIL.
+
+    Raises ValueError for frames of another shape or a first_row outside them.
     """
+    n = len(keys)
+    if frames.shape != (n, HEIGHT_PX, WIDTH_PX) or frames.dtype != np.uint8:
+        raise ValueError(
+            f"frames {frames.dtype} {frames.shape}: uint8 ({n}, {HEIGHT_PX}, {WIDTH_PX}) is needed, as "
+            "new_frames makes it"
+        )
+    if not 0 <= first_row < HEIGHT_PX:
+        raise ValueError(f"first_row = {first_row}: allowed are 0 to {HEIGHT_PX - 1}")
     render_fleet(
         frames,
         first_row,

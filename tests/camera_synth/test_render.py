@@ -1,5 +1,7 @@
 """Frames as bytes: what they depend on, and what they must not depend on."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from shots import keys_of, shoot
@@ -92,3 +94,33 @@ def test_far_from_the_origin_and_at_odd_headings() -> None:
     condition = preset("complex")
     frames = shoot(road, condition, pose=([3e5, -8e5, 0.0], [5.6e6, 1.0, -2e5], [100.0, -7.0, 3.14159]))
     assert frames[:, 90:].std(axis=(1, 2)).min() > 5.0
+
+
+def test_threads_on_slices() -> None:
+    parts = fleet()
+    with ThreadPoolExecutor(3) as pool:
+        pieces = list(pool.map(lambda a: draw(parts, slice(a, a + 2)), (0, 2, 4)))
+    np.testing.assert_array_equal(np.concatenate(pieces), draw(parts))
+
+
+def test_a_vehicle_that_is_nowhere_spoils_no_other() -> None:
+    road, objects, pose, days, keys, counter = fleet()
+    lost = Pose(*(part.copy() for part in pose))
+    lost.x_m[2] = np.nan
+    lost.heading_rad[3] = np.nan
+    for part in (road.left_m, road.heading_rad, road.road_left_m):
+        part[1, 30:] = np.nan
+    for part in (objects.length_m, objects.left_m, objects.heading_rad):
+        part[4] = np.nan
+    frames = draw((road, objects, lost, days, keys, counter))
+    whole = draw(fleet())
+    np.testing.assert_array_equal(frames[[0, 5]], whole[[0, 5]])
+
+
+def test_wrong_frames_are_refused() -> None:
+    parts = fleet()
+    with pytest.raises(ValueError, match="first_row"):
+        draw(parts, first_row=240)
+    road, objects, pose, days, keys, counter = parts
+    with pytest.raises(ValueError, match="new_frames"):
+        render(new_frames(2), projection(Camera()), road, objects, pose, days, keys, counter)
