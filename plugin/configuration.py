@@ -51,7 +51,7 @@ class Configuration(Scenario):
     @property
     def hash(self) -> str:
         """SHA-256 over all settings, the same for equal settings on every machine."""
-        text = json.dumps(dataclasses.asdict(self), sort_keys=True)  # type: ignore[call-overload]
+        text = json.dumps(dataclasses.asdict(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
     @property

@@ -13,6 +13,7 @@ import numpy as np
 from camera_synth.camera import projection
 from camera_synth.condition import Looks, looks
 from camera_synth.render import PROCESSED_FROM, Pose, new_frames, render
+from camera_synth.truth import border_columns
 from plugin.configuration import Configuration
 from plugin.lane import genetic, refine
 from plugin.lane.estimate import Borders, LaneEstimate
@@ -74,8 +75,6 @@ class Vision:
         self._paper = configuration.mode == "paper"
         self._projection = projection(configuration.camera)
         self._numbers = search_numbers(fitted_to(configuration.search, configuration.camera))
-        condition = configuration.condition
-        self._dash = (condition.dash_stroke_m, condition.dash_stroke_m + condition.dash_gap_m)
         count = threads or os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
         self._buffers: queue.SimpleQueue[Array] = queue.SimpleQueue()
@@ -156,9 +155,9 @@ class Vision:
         beside, beside_verdict = state.beside, np.full(len(speed_mps), -1, np.int8)
         if self._beside:
             beside, found = genetic.search(frames, beside, self._numbers)
-            beside_verdict = self._judge(scene, self._parabola_columns(found))
+            beside_verdict = self._judge(scene, state.looks, self._parabola_columns(found))
         after = state._replace(frame=state.frame + 1, lane=lane_state, search=search, beside=beside)
-        return after, Sight(lane, borders, self._judge(scene, columns), beside_verdict)
+        return after, Sight(lane, borders, self._judge(scene, state.looks, columns), beside_verdict)
 
     def _start(
         self, frames: Array, lane: LaneState, search: SearchState
@@ -179,15 +178,21 @@ class Vision:
             part[index] = new
         return fresh, start, wanted
 
-    def _judge(self, scene: Scene, columns: Array) -> Array:
+    def _judge(self, scene: Scene, looks: Looks, columns: Array) -> Array:
         own = OWN_RIGHT + scene.lanes_left.astype(np.int64)
-        beyond = np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m - _STRADDLING_M
-        other = np.where(beyond, own + np.sign(scene.lane_offset_m).astype(np.int64), -1)
-        verdict = np.empty(len(own), np.int8)
-        judge(
-            scene.ahead, scene.objects, own, other, columns, self._dash, TOLERANCE_PX, SHARE,
-            self._projection, verdict,
-        )  # fmt: skip
+        verdict = self._against(scene, looks, columns, own)
+        straddling = np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m - _STRADDLING_M
+        again = np.flatnonzero(straddling & (verdict == 0))
+        if len(again):
+            other = own[again] + np.sign(scene.lane_offset_m[again]).astype(np.int64)
+            meant = self._against(select(scene, again), select(looks, again), columns[again], other)
+            verdict[again] = np.maximum(meant, 0)
+        return verdict
+
+    def _against(self, scene: Scene, looks: Looks, columns: Array, right_slot: Array) -> Array:
+        truth = border_columns(self._projection, scene.ahead, scene.objects, right_slot, looks)
+        verdict = np.empty(len(right_slot), np.int8)
+        judge(truth.column, truth.painted, columns, TOLERANCE_PX, SHARE, verdict)
         return verdict
 
     def _parabola_columns(self, borders: Borders) -> Array:
