@@ -33,7 +33,7 @@ class TrackerSettings:
         16.0, gt=0, description="Mahalanobis distance squared; 16 keeps 99.9 % of 3 components"
     )
     label_gate: float = Field(
-        100.0, gt=0, description="the same where the target is given: beyond it the target has jumped"
+        400.0, gt=0, description="the same where the target is given: beyond it the target has jumped"
     )
     confirm_hits: int = Field(3, ge=1, description="M of the M-of-N rule")
     confirm_scans: int = Field(5, ge=1, le=_LONGEST_HISTORY, description="N of the M-of-N rule")

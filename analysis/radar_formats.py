@@ -1,0 +1,138 @@
+"""Other people's radar logs as logs of `analysis.radar_log`: a converter a format, by name."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from analysis.radar_log import Log, LogError, parse, read_log, track
+from plugin.tracking.filters import FILTERS, FilterSettings
+from plugin.tracking.models import RadarNoise
+from plugin.tracking.tracker import TrackerSettings
+
+
+class Format(NamedTuple):
+    """How a format is read and what its radar's noise is."""
+
+    convert: Callable[[Path], pd.DataFrame]
+    noise: RadarNoise
+
+
+def comma2k19(path: Path) -> pd.DataFrame:
+    """A comma2k19 segment: radar.csv, or the folder that holds it, beside speed.csv and gyro.csv.
+
+    The messages of one 20 Hz cycle come spread over some milliseconds; they are one scan here, at their mean
+    time. An address that begins a new track goes on as ADDRESS.2, .3, … The yaw rate is minus the gyroscope's
+    z axis: of the three it is the one that follows speed times steering angle (correlation −0.92).
+    """
+    folder = path if path.is_dir() else path.parent
+    radar, speed, gyro = (_table(folder / name) for name in ("radar.csv", "speed.csv", "gyro.csv"))
+    scan = (radar["time_s"].diff() > 0.02).cumsum()
+    scan += (radar.groupby([scan, "address"]).cumcount() > 0).cumsum()  # an address twice: a cycle was lost
+    time = radar.groupby(scan)["time_s"].transform("mean").round(6)
+    life = radar.groupby("address")["new_track"].cumsum() + 1
+    target: pd.Series[str] = radar["address"].astype(str) + np.where(life > 1, "." + life.astype(str), "")
+    # A fifth of a second of speed for the acceleration, of the gyroscope (100 Hz, shaken) for the yaw rate.
+    smooth = speed.set_index("time_s")["speed_mps"].rolling(25, center=True, min_periods=1).mean()
+    acceleration = np.gradient(smooth.to_numpy(), smooth.index.to_numpy())
+    yaw = -gyro.set_index("time_s")["gyro_z_radps"].rolling(21, center=True, min_periods=1).mean()
+    return pd.DataFrame(
+        {
+            "time_s": time,
+            "range_m": np.hypot(radar["forward_m"], radar["left_m"]),
+            "range_rate_mps": radar["relative_speed_mps"],
+            "azimuth_rad": np.arctan2(radar["left_m"], radar["forward_m"]),
+            "target_id": target,
+            "ego_speed_mps": np.interp(time, speed["time_s"], speed["speed_mps"]),
+            "ego_acceleration_mps2": np.interp(time, smooth.index, acceleration),
+            "ego_yaw_rate_rps": np.interp(time, yaw.index, yaw),
+        }
+    )
+
+
+def udacity(path: Path) -> pd.DataFrame:
+    """The radar rows `R rho phi rho_dot time_us x y vx vy yaw yaw_rate` of the Udacity set, with truth."""
+    try:
+        lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"{path}: cannot be read ({error})") from None
+    for number, line in enumerate(lines, start=1):
+        if line and (line[0] not in ("R", "L") or (line[0] == "R" and len(line) != 11)):
+            raise LogError(f"{path}:{number}: must be 'L' or 'R' and, for 'R', 10 numbers")
+    rows = [line[1:] for line in lines if line and line[0] == "R"]
+    names = ["rho", "phi", "rho_dot", "time_us", "x", "y", "vx", "vy", "yaw", "yaw_rate"]
+    raw = pd.DataFrame(rows, columns=names).apply(pd.to_numeric, errors="coerce")
+    true_range = np.hypot(raw["x"], raw["y"])
+    return pd.DataFrame(
+        {
+            "time_s": (raw["time_us"] - raw["time_us"].min()) * 1e-6,
+            "range_m": raw["rho"],
+            "range_rate_mps": raw["rho_dot"],
+            "azimuth_rad": (raw["phi"] + np.pi) % (2 * np.pi) - np.pi,  # the set lets it run beyond π
+            "target_id": "1",
+            "true_range_m": true_range,
+            "true_range_rate_mps": (raw["x"] * raw["vx"] + raw["y"] * raw["vy"]) / true_range,
+            "true_azimuth_rad": np.arctan2(raw["y"], raw["x"]),
+            "true_x_m": raw["x"],
+            "true_y_m": raw["y"],
+            "true_vx_mps": raw["vx"],
+            "true_vy_mps": raw["vy"],
+        }
+    )
+
+
+FORMATS: dict[str, Format] = {
+    # Noise of the object lists' second differences is 0.03 m and 0.02 m/s; that of a list already filtered
+    # by the radar is not white, so far wider here.
+    "comma2k19": Format(comma2k19, RadarNoise(range_m=0.3, range_rate_mps=0.2, azimuth_rad=0.005)),
+    "udacity": Format(udacity, RadarNoise(range_m=0.3, range_rate_mps=0.3, azimuth_rad=0.03)),
+}
+
+
+def load(path: Path, name: str = "csv") -> Log:
+    """The log at `path` in the format `name` ("csv" or one of FORMATS). Raises LogError."""
+    if name == "csv":
+        return read_log(path)
+    if name not in FORMATS:
+        raise LogError(f"format = {name!r}: allowed are csv, {', '.join(FORMATS)}")
+    return parse(FORMATS[name].convert(path), f"{path} as {name}")
+
+
+def track_recording(
+    path: Path,
+    out: Path | None,
+    filter_name: str = "imm",
+    from_format: str = "csv",
+    own_association: bool = False,
+    options: TrackerSettings | None = None,
+) -> pd.DataFrame:
+    """`sumo-adas track PATH --out DIR --filter NAME`: write tracks.csv into `out`, give the table.
+
+    Parameters
+    ----------
+    from_format : "csv" or one of FORMATS, whose radar's noise is then taken unless `options` are given.
+    own_association : leave given targets aside and associate.
+    options : everything else; its filter gives way to `filter_name`.
+
+    Raises LogError (the log) and ValueError (the filter's name).
+    """
+    if filter_name not in FILTERS:
+        raise ValueError(f"filter = {filter_name!r}: allowed are {', '.join(FILTERS)}")
+    log = load(path, from_format)
+    if options is None:
+        noise = FORMATS[from_format].noise if from_format in FORMATS else RadarNoise()
+        options = TrackerSettings(filters=FilterSettings(noise=noise))
+    options = dataclasses.replace(options, filter=filter_name)
+    return track(log, path.stem, out, options, own_association)
+
+
+def _table(path: Path) -> pd.DataFrame:
+    try:
+        return pd.read_csv(path)
+    except FileNotFoundError:
+        raise LogError(f"{path}: no such file") from None
+    except (ValueError, OSError) as error:
+        raise LogError(f"{path}: cannot be read ({error})") from None
