@@ -203,9 +203,25 @@ def paint_bodies(canvas, bodies):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def hides(bodies, x, y):  # type: ignore[no-untyped-def]
-    """Whether a body (not its shadow) covers the image point."""
+def frame_bodies(bodies, boxes):  # type: ignore[no-untyped-def]
+    """Fill boxes (bodies, 4) with the bodies' (left, right, bottom, top) in the image, shadows apart."""
     for b in range(bodies.used[0]):
+        boxes[b, 0], boxes[b, 1], boxes[b, 2], boxes[b, 3] = math.inf, -math.inf, math.inf, -math.inf
+        for q in range(bodies.polygons[b]):
+            if bodies.opacity[b, q] < 1.0:
+                continue
+            for c in range(bodies.vertices[b, q]):
+                x, y = bodies.vertex[b, q, c, 0], bodies.vertex[b, q, c, 1]
+                boxes[b, 0], boxes[b, 1] = min(boxes[b, 0], x), max(boxes[b, 1], x)
+                boxes[b, 2], boxes[b, 3] = min(boxes[b, 2], y), max(boxes[b, 3], y)
+
+
+@kernel
+def hides(bodies, boxes, x, y):  # type: ignore[no-untyped-def]
+    """Whether a body (not its shadow) covers the image point; boxes from `frame_bodies`."""
+    for b in range(bodies.used[0]):
+        if not (boxes[b, 0] <= x <= boxes[b, 1] and boxes[b, 2] <= y <= boxes[b, 3]):
+            continue
         for q in range(bodies.polygons[b]):
             if bodies.opacity[b, q] < 1.0:
                 continue

@@ -2,7 +2,9 @@
 
 import math
 
-from camera_synth.body_kernels import hides, new_bodies, place
+import numpy as np
+
+from camera_synth.body_kernels import frame_bodies, hides, new_bodies, place
 from camera_synth.condition import look_of
 from camera_synth.ground_kernels import cross, new_crossings, new_curves, tabulate
 from sumo_net.compile import kernel
@@ -15,11 +17,13 @@ def locate_borders(column, painted, width, p, road, objects, right_slot, looks):
     n, _, rows = column.shape
     curves, crossings = new_curves(road.forward_m.shape[1]), new_crossings(rows - 1)
     bodies = new_bodies(objects.handle.shape[1])
+    boxes = np.empty((objects.handle.shape[1], 4))
     for i in range(n):
         look = look_of(looks, i)
         tabulate(curves, road, i, p)
         cross(crossings, curves, 0.0, p)
         place(bodies, objects, i, p, look)
+        frame_bodies(bodies, boxes)
         period = look.dash_stroke_m + look.dash_gap_m
         for side in range(2):
             slot = right_slot[i] + 1 - side
@@ -29,7 +33,7 @@ def locate_borders(column, painted, width, p, road, objects, right_slot, looks):
                 if not 0 <= slot < MAX_BORDERS or crossings.kind[y, slot] == 0:
                     continue
                 x = crossings.column[y, slot]
-                if x < -0.5 or x > width - 0.5 or hides(bodies, x, y):
+                if x < -0.5 or x > width - 0.5 or hides(bodies, boxes, x, y):
                     continue
                 column[i, side, y] = x
                 station = crossings.station[y, slot]
