@@ -47,10 +47,10 @@ _UNKNOWN_V_Y, _UNKNOWN_YAW = 0.2, 0.05  # standard deviations at first sight, m/
 class FilterSettings:
     """What the filter takes the camera, the road and the driver to be like. Standard deviations."""
 
-    offset_m: float = Field(0.015, gt=0, description="camera: lateral offset, a look")
-    heading_rad: float = Field(7e-4, gt=0, description="camera: heading, a look")
-    curvature_1pm: float = Field(1e-4, gt=0, description="camera: curvature at the preview point, a look")
-    curvature_rate_1pm2: float = Field(5e-6, gt=0, description="camera: change of curvature, a look")
+    offset_m: float = Field(0.01, gt=0, description="camera: what is new in a look, lateral offset")
+    heading_rad: float = Field(4e-4, gt=0, description="camera: what is new in a look, heading")
+    curvature_1pm: float = Field(4e-5, gt=0, description="camera: curvature at the preview point, a look")
+    curvature_rate_1pm2: float = Field(3e-6, gt=0, description="camera: change of curvature, a look")
     one_border_factor: float = Field(1.5, ge=1, description="on all four while one border only is seen")
 
     road_curvature_rate_1pm2: float = Field(1.5e-5, gt=0, description="road: how fast curvature changes")
@@ -58,7 +58,7 @@ class FilterSettings:
 
     residual_mps2: float = Field(0.8, gt=0, description="driver: lateral acceleration beyond the road's")
     residual_time_s: float = Field(1.5, gt=0, description="driver: its correlation time")
-    steer_lag_s: float = Field(0.5, gt=0, description="driver: how smoothly it is followed")
+    steer_lag_s: float = Field(0.3, gt=0, description="driver: how smoothly it is followed")
     preview_s: float = Field(0.4, ge=0, le=3, description="driver: curvature is met from so far ahead")
     slow_mps: float = Field(8.0, gt=0, description="driver: below, the residual goes by distance")
 
@@ -66,8 +66,8 @@ class FilterSettings:
     yaw_rate_noise: float = Field(0.003, ge=0, description="model: γ, rad/s per √s")
     heading_noise: float = Field(1e-4, ge=0, description="model: ψ, rad per √s")
 
-    clip_sd: float = Field(4.0, gt=1, description="an innovation beyond is clipped")
-    misfit_looks: int = Field(5, ge=1, description="so many clipped looks in a row start the filter anew")
+    clip_sd: float = Field(4.0, gt=1, description="an innovation farther off counts less and less")
+    misfit_looks: int = Field(8, ge=1, description="so many looks in a row twice as far off start it anew")
     settle_s: float = Field(0.3, ge=0, description="nothing is said for so long after a start")
     width_share: float = Field(0.05, gt=0, le=1, description="of a new lane width in the filtered one")
 

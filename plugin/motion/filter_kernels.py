@@ -34,7 +34,7 @@ class FilterSchedule(NamedTuple):
     coast: float  # s
     settle: float  # s
     clip: float  # innovations beyond so many standard deviations count less and less
-    misfits: int  # so many clipped looks in a row start the filter anew
+    misfits: int  # so many looks in a row twice as far off start the filter anew
     one_border: float  # factor on the standard deviations while one border only is seen
     width_gain: float
 
@@ -48,7 +48,7 @@ class FilterState(NamedTuple):
     width: Array  # (n,)
     unseen: Array  # (n,) s since the lane was last seen
     age: Array  # (n,) s since the filter started
-    misfits: Array  # (n,) int32 clipped looks in a row
+    misfits: Array  # (n,) int32 looks in a row that did not fit
 
 
 @kernel
@@ -59,7 +59,11 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
     for i in range(speed.size):
         v = max(0.0, speed[i])
         z[0], z[1] = lane.lateral_offset_m[i], lane.heading_error_rad[i]
-        z[2], z[3] = lane.curvature_1pm[i], lane.curvature_rate_1pm2[i]
+        # The mean curvature up to the preview point is (e_L + ψ) / D_L. The change of curvature in front of
+        # the vehicle is surer from it than from the estimate's own, which reaches beyond the preview point.
+        mean = (lane.preview_heading_rad[i] + z[1]) / s.preview
+        z[2] = lane.curvature_1pm[i]
+        z[3] = 2.0 * (z[2] - mean) / s.preview
         borders = int(lane.left_border_seen[i]) + int(lane.right_border_seen[i])
         seen = lane.locked[i] and borders > 0 and math.isfinite(z[0] + z[1] + z[2] + z[3])
         unseen = 0.0 if seen else state.unseen[i] + s.step
@@ -128,8 +132,8 @@ def predict(x0, P0, j, w, s, F, Q, half, x, P):  # type: ignore[no-untyped-def]
 
 @kernel
 def update(x, P, z, spread, s, gain, PH):  # type: ignore[no-untyped-def]
-    """One whitened measurement after the other (eqs. 17 to 19); True when one was clipped."""
-    clipped = False
+    """One whitened measurement after the other (eqs. 17 to 19); True when one did not fit at all."""
+    misfit = False
     for m in range(M):
         S, residual = spread * spread, 0.0
         for k in range(M):
@@ -143,15 +147,15 @@ def update(x, P, z, spread, s, gain, PH):  # type: ignore[no-untyped-def]
             S += s.whitened[m, r] * PH[r]
         limit = s.clip * math.sqrt(S)
         if abs(residual) > limit:  # the farther off, the less it counts
+            misfit = misfit or abs(residual) > 2.0 * limit
             residual = limit * limit / residual
-            clipped = True
         for r in range(N):
             gain[r] = PH[r] / S
             x[r] += gain[r] * residual
         for r in range(N):
             for c in range(r + 1):
                 P[r, c] = P[c, r] = P[r, c] - gain[r] * PH[c]
-    return clipped
+    return misfit
 
 
 @kernel

@@ -29,7 +29,7 @@ class PredictionSettings:
     steer_lag_s: float = Field(0.15, gt=0, description="lag of arm and wheel")
     preview_s: float = Field(0.4, ge=0, le=3, description="the driver meets curvature from so far ahead")
     slow_mps: float = Field(8.0, gt=0, description="below, the residual goes by distance")
-    return_gain: float = Field(0.0, ge=0, le=1, description="share of full lane keeping, 0 none")
+    return_gain: float = Field(0.5, ge=0, le=1, description="share of full lane keeping, 0 none")
     return_bandwidth_rps: float = Field(0.7, gt=0, le=2, description="natural frequency of lane keeping")
     return_damping: float = Field(0.8, gt=0, le=2, description="damping ratio of lane keeping")
     curvature_reach_m: float = Field(80.0, ge=0, description="how far the change of curvature is believed")

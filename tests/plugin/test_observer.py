@@ -233,7 +233,11 @@ def test_a_lasting_jump_starts_the_filter_anew(schedule):
 @pytest.mark.parametrize("v", [0.0, 0.2, 1.0, 3.0])
 def test_slow_and_standing(schedule, v):
     look = looks(drive(HALF, lambda *_: 0.0, lambda t: 5.0, duration_s=0.1), None, 1)[0]
-    look = look._replace(lateral_offset_m=np.array([0.3]), curvature_1pm=np.array([0.02]))
+    look = look._replace(
+        lateral_offset_m=np.array([0.3]),
+        curvature_1pm=np.array([0.02]),
+        preview_heading_rad=np.array([0.02 * PREVIEW_M]),
+    )
     state = observer.init(1, schedule)
     for _ in range(300):
         state, motion = observer.step(state, schedule, look, np.array([v]))

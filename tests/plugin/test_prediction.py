@@ -111,7 +111,7 @@ def test_residual_fades_with_its_time_constant():
     m = motion(steer=0.002)
     offsets = []
     for fade in (0.3, 1.0, 3.0, 1e9):
-        settings = PredictionSettings(residual_time_s=fade)
+        settings = PredictionSettings(residual_time_s=fade, return_gain=0.0)
         offsets.append(predict(m, speed(25.0, m), predictor(HALF, settings)).lane_offset_m[0, -1])
     assert np.all(np.diff(offsets) > 0)
     held = predict(m, speed(25.0, m), predictor(HALF, PredictionSettings(mode="paper")))
@@ -123,7 +123,7 @@ def test_lane_keeping_leads_back_to_the_centre():
     m = motion(offset=0.8, heading=0.01)
     path = predict(m, speed(25.0, m), predictor(HALF, settings))
     assert abs(path.lane_offset_m[0, -1]) < 0.05
-    free = predict(m, speed(25.0, m), predictor(HALF, PredictionSettings(horizon_s=10.0)))
+    free = predict(m, speed(25.0, m), predictor(HALF, PredictionSettings(horizon_s=10.0, return_gain=0.0)))
     assert free.lane_offset_m[0, -1] > 3.0
 
 
