@@ -77,8 +77,8 @@ class Driver:
 
     lane_change_least_s: float = Field(4.0, ge=2, description="duration of a lane change, from")
     lane_change_most_s: float = Field(6.0, ge=2, description="to")
-    signal_probability: float = Field(0.85, ge=0, le=1, description="mean share of lane changes signalled")
-    signal_spread: float = Field(0.10, ge=0, le=0.5, description="drivers lie uniformly so far around it")
+    signal_probability: float = Field(0.92, ge=0, le=1, description="mean share of lane changes signalled")
+    signal_spread: float = Field(0.08, ge=0, le=0.5, description="drivers lie uniformly so far around it")
 
     @model_validator(mode="after")
     def _ordered(self) -> "Driver":

@@ -184,22 +184,12 @@ def tightness(curvature):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def corrected_curvature(d, drift, line, rate, rate2, noise_mps2, v_scale, curvature, tight, c):  # type: ignore[no-untyped-def]
-    """Curvature in 1/m that an attentive driver asks for.
+def correction(away, drift, bandwidth, damping, most, friction_most):  # type: ignore[no-untyped-def]
+    """Lateral acceleration in m/s² by which an attentive driver corrects (noise and limit not yet applied).
 
-    d, drift: offset in m and its rate in m/s at v_scale; line, rate, rate2: the line wanted and its
-    derivatives; curvature: the path's, at the preview point; tight: its tightness. The correction acts as a
-    lateral acceleration: an error dies out with the driver's bandwidth and damping at any speed above c.slow.
-    Friction limits what is asked for, unless SUMO drives the bend itself faster than that.
+    away, drift: from the line wanted, m and m/s. Returns it with the limit that it is to be kept in: comfort
+    (`most`), but who drifts off at more than 2 m/s forgets comfort and goes up to friction.
     """
-    bandwidth = c.bandwidth * (1.0 + c.tight_gain * tight)
-    correction = -bandwidth * (2.0 * c.damping * (drift - rate) + bandwidth * (d - line))
-    correction += rate2 + noise_mps2
-    correction_most = c.correction_most * (1.0 + c.tight_gain * tight)
-    # whoever drifts off at more than 2 m/s forgets comfort
-    panic = min(max(0.5 * abs(drift - rate) - 1.0, 0.0), 1.0)
-    correction_most += panic * max(c.acceleration_most - correction_most, 0.0)
-    correction = min(max(correction, -correction_most), correction_most)
-    square = v_scale * v_scale
-    most = max(c.acceleration_most, (correction_most + abs(curvature) * square) if tight > 0.0 else 0.0)
-    return min(max(curvature + correction / square, -most / square), most / square)
+    panic = min(max(0.5 * abs(drift) - 1.0, 0.0), 1.0)
+    limit = most + panic * max(friction_most - most, 0.0)
+    return -bandwidth * (2.0 * damping * drift + bandwidth * away), limit

@@ -6,7 +6,7 @@ Road frame: d left of the path, e = heading minus the path's heading; ḋ = v si
 import math
 
 from sumo_net.compile import kernel
-from sumo_net.driver_kernels import STEP_S, at_speed, attend, corrected_curvature, profile, tightness
+from sumo_net.driver_kernels import STEP_S, at_speed, attend, correction, profile, tightness
 from sumo_net.vehicle import derivatives
 
 SUBSTEPS = 10
@@ -152,29 +152,46 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
             mind.change_from_m[i], mind.change_rate_mps[i], mind.change_rate2_mps2[i],
         )  # fmt: skip
 
+        harder = 1.0 + c.tight_gain * tight
+        bandwidth, correction_most = c.bandwidth * harder, c.correction_most * harder
+        damping, friction_most, steer_most, slow = c.damping, c.acceleration_most, c.steer_most, c.slow
+        wheelbase, understeer, per_slow = c.wheelbase, c.understeer, 1.0 / slow
+
         for j in range(SUBSTEPS):
             begin, end = j / SUBSTEPS, (j + 1) / SUBSTEPS
             v, v_end = v_old + begin * (v_new - v_old), v_old + end * (v_new - v_old)
             k, k_end = k_old + begin * (k_new - k_old), k_old + end * (k_new - k_old)
-            v_scale = max(v, c.slow)
-            steer_per_curvature = c.wheelbase * (1.0 + c.understeer * v * v)
+            # Below `slow` control goes by distance, not time, so nothing is singular at a standstill.
+            v_scale = max(v, slow)
+            per_square = 1.0 / (v_scale * v_scale)
+            steer_per_curvature = wheelbase * (1.0 + understeer * v * v)
             if frozen:
-                asked = held + steer_per_curvature * drift_error / (v_scale * v_scale)
+                asked = held + steer_per_curvature * drift_error * per_square
             else:
                 sine, cosine = sine_cosine(x[1])
                 drift = v_scale * (sine + x[2] * cosine / max(v, 1.0))
-                line, line_rate, _ = profile(start, start_rate, start_rate2, target, elapsed, duration)
-                _, _, rate2 = profile(start, start_rate, start_rate2, target, elapsed + preview, duration)
-                noise = scale * (noise_old + begin * (noise_new - noise_old))
-                look = look_old + begin * (look_new - look_old)
-                asked = steer_per_curvature * corrected_curvature(
-                    x[0], drift, line, line_rate, rate2, noise, v_scale, look, tight, c
+                line, line_rate, line_rate2 = target, 0.0, 0.0
+                if elapsed < duration:
+                    line, line_rate, _ = profile(start, start_rate, start_rate2, target, elapsed, duration)
+                    _, _, line_rate2 = profile(
+                        start, start_rate, start_rate2, target, elapsed + preview, duration
+                    )
+                back, limit = correction(
+                    x[0] - line, drift - line_rate, bandwidth, damping, correction_most, friction_most
                 )
-            asked = min(max(asked, -c.steer_most), c.steer_most)
+                back += line_rate2 + scale * (noise_old + begin * (noise_new - noise_old))
+                back = min(max(back, -limit), limit)
+                look = look_old + begin * (look_new - look_old)
+                # Friction limits what is asked for, unless SUMO drives a turn itself faster than that.
+                most = friction_most * per_square
+                if tight > 0.0:
+                    most = max(most, limit * per_square + abs(look))
+                asked = steer_per_curvature * min(max(look + back * per_square, -most), most)
+            asked = min(max(asked, -steer_most), steer_most)
             move = min(max(steer_share * (asked - steer), -steer_move_most), steer_move_most)
             x = runge_kutta(x, steer, steer + move, stretch * v, stretch * v_end, k, k_end, h, p)
             steer += move
-            elapsed += h * min(1.0, v / c.slow)
+            elapsed += h * min(1.0, v * per_slow)
 
         mind.change_elapsed_s[i] = elapsed
         bend = max(abs(k_old), abs(k_new), abs(look_old), abs(look_new))

@@ -15,7 +15,8 @@ from sumo_net.ego import Ego, EgoTruth
 from sumo_net.ego_kernels import forward_speed, lateral_rates, rates, runge_kutta, sine_cosine
 from sumo_net.highway import Highway
 from sumo_net.road import RoadNetwork
-from sumo_net.traffic import Snapshot
+from sumo_net.scenario import load_scenario, prepare
+from sumo_net.traffic import Snapshot, Traffic
 from sumo_net.vehicle import Vehicle, derivatives, model, steady_state
 from tests.sumo_net.bench_road import QUIET, STILL
 
@@ -323,3 +324,28 @@ def test_alerted_handles_reach_their_drivers(built) -> None:
         least = np.minimum(least, ego._mind.episode_left_s)
     assert least[1] == 0.0
     assert (least[[0, 2, 3]] > 0.0).all()
+
+
+def test_in_a_real_run_sumo_has_the_vehicle_where_the_truth_has_it(tmp_path) -> None:
+    run = prepare(load_scenario("highway"), tmp_path)
+    roads = RoadNetwork.from_highway(run.network)
+    with Traffic.start(run.arguments) as traffic:
+        ego = Ego(roads, traffic, 1)
+        miss, before = [], None
+        for _ in range(300):
+            traffic.step()
+            snapshot = traffic.snapshot()
+            if before is not None:  # SUMO now stands where it was put in the last step
+                both, here, there = np.intersect1d(snapshot.handle, before[0], return_indices=True)
+                same = snapshot.lane[here] == before[1][there]
+                miss.append((snapshot.lateral_m[here] - before[2][there])[same])
+                assert len(both) > 0
+            truth = ego.step(snapshot, everyone(snapshot))
+            for name, part in truth._asdict().items():
+                assert np.isfinite(part).all(), name
+            if len(truth.handle):
+                traffic.write_lateral(truth.handle, ego.front_lateral_m())
+                before = (truth.handle, snapshot.lane.copy(), ego.front_lateral_m())
+                front = truth.x_m + CAR.bumper_m * np.cos(truth.heading_rad)
+                assert np.percentile(np.abs(front - snapshot.x_m), 75) < 1.0
+    assert np.abs(np.concatenate(miss)).max() < 1e-6
