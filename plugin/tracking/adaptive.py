@@ -31,7 +31,7 @@ class Adaptation:
 
 
 class AdaptiveState(NamedTuple):
-    """T tracks, n states, m measured."""
+    """T tracks, n = 6 states, m = 3 measured."""
 
     x: Array  # (T, n)
     P: Array  # (T, n, n)
@@ -99,6 +99,7 @@ def innovation_covariance(state: AdaptiveState, H: Array) -> tuple[Array, Array]
 
 
 def _rows(H: Array, tracks: int) -> tuple[Array, Array]:
+    kalman.check_measured(H)
     if H.ndim == 2:
         return H[None], np.zeros(tracks, np.int64)
     return H, np.arange(tracks)

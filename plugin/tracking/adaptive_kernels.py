@@ -4,7 +4,13 @@ import math
 
 import numpy as np
 
-from plugin.tracking.kalman_kernels import cholesky, innovation_covariance, update_one
+from plugin.tracking.kalman_kernels import (
+    MEASURED,
+    STATES,
+    cholesky,
+    innovation_covariance,
+    update_one,
+)
 from sumo_net.compile import kernel
 
 R_INDEFINITE, Q_INDEFINITE, P_INDEFINITE, S_INDEFINITE, NOT_FINITE = 1, 2, 4, 8, 16
@@ -24,8 +30,7 @@ def update_safe(x, P, R, k, z, seen, H, which, b):  # type: ignore[no-untyped-de
     Both terms are non-negative, so R stays positive definite whatever is measured. x (T, n), P (T, n, n),
     R (T, m, m), k (T,) updates so far, z (T, m), seen (T,), H (U, m, n), which (T,) into U. Gives x, P, R, k.
     """
-    tracks, n = x.shape
-    m = z.shape[1]
+    tracks, n, m = len(x), STATES, MEASURED
     x, P, R, k = x.copy(), P.copy(), R.copy(), k.copy()
     y, K, S, L = np.empty(m), np.empty((n, m)), np.empty((m, m)), np.empty((m, m))
     A, work = np.empty((n, n)), np.empty((n, n))
@@ -58,8 +63,7 @@ def update_patent(x, P, q, Q, r, R, k, z, seen, H, which, b, adapt_process):  # 
     with `adapt_process` false q, Q and r stay. Eq. (14) prints the brackets of r̂ wrongly: (1 − d) r̂ + d (…)
     is meant. Gives x, P, q, Q, r, R, k, flags.
     """
-    tracks, n = x.shape
-    m = z.shape[1]
+    tracks, n, m = len(x), STATES, MEASURED
     x, P, q, Q, r, R, k = x.copy(), P.copy(), q.copy(), Q.copy(), r.copy(), R.copy(), k.copy()
     flags = np.zeros(tracks, np.int64)
     raw, e, L, L_n = np.empty(m), np.empty(m), np.empty((m, m)), np.empty((n, n))
@@ -125,8 +129,7 @@ def update_patent(x, P, q, Q, r, R, k, z, seen, H, which, b, adapt_process):  # 
 @kernel
 def measurement_covariance(P, R, H, which):  # type: ignore[no-untyped-def]
     """S (T, m, m) = H P Hᵀ + R for each track, and whether it is positive definite (T,)."""
-    tracks, n = P.shape[:2]
-    m = R.shape[1]
+    tracks, n, m = len(P), STATES, MEASURED
     S, definite = np.empty((tracks, m, m)), np.empty(tracks, np.bool_)
     PHt, L = np.empty((n, m)), np.empty((m, m))
     for t in range(tracks):
@@ -140,9 +143,9 @@ def measurement_covariance(P, R, H, which):  # type: ignore[no-untyped-def]
 
 @kernel
 def _innovation(x, z, h, y):  # type: ignore[no-untyped-def]
-    for i in range(z.shape[0]):
+    for i in range(MEASURED):
         y[i] = z[i]
-        for a in range(x.shape[0]):
+        for a in range(STATES):
             y[i] -= h[i, a] * x[a]
 
 
@@ -173,7 +176,7 @@ def _definite(M, L):  # type: ignore[no-untyped-def]
 def _gain(S, PHt, K):  # type: ignore[no-untyped-def]
     """K = P Hᵀ S⁻¹ for any regular S, also an indefinite one; False where S is singular or not finite."""
     inverse = np.empty_like(S)
-    m = S.shape[0]
+    m = MEASURED
     work = S.copy()
     for i in range(m):
         for j in range(m):
@@ -198,7 +201,7 @@ def _gain(S, PHt, K):  # type: ignore[no-untyped-def]
                 for j in range(m):
                     work[i, j] -= factor * work[column, j]
                     inverse[i, j] -= factor * inverse[column, j]
-    for i in range(K.shape[0]):
+    for i in range(STATES):
         for j in range(m):
             K[i, j] = 0.0
             for a in range(m):

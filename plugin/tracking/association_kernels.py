@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from plugin.tracking.kalman_kernels import cholesky, mahalanobis
+from plugin.tracking.kalman_kernels import MEASURED, cholesky, mahalanobis
 from sumo_net.compile import kernel
 from sumo_net.frames import wrap_angle
 
@@ -17,7 +17,7 @@ def gate_pairs(z_pred, S, track_label, track_first, z, label, first, angle, gate
     track_first[v]:track_first[v + 1] and the detections first[v]:first[v + 1]. Where labels (-1: none) are
     given only equal ones pair, within `label_gate`. Gives track (E,), detection (E,), distance squared (E,).
     """
-    tracks, m = z_pred.shape
+    tracks, m = len(z_pred), MEASURED
     room = max(16, 2 * tracks)
     of_track, of_detection = np.empty(room, np.int64), np.empty(room, np.int64)
     distance = np.empty(room)

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plugin.tracking import imm_kernels as kernels
-from plugin.tracking.kalman import Gaussian
+from plugin.tracking.kalman import Gaussian, check_measured, check_states
 
 Array = np.ndarray[Any, Any]
 
 
 class ImmState(NamedTuple):
-    """T tracks, r models, n states."""
+    """T tracks, r models, n = 6 states."""
 
     x: Array  # (T, r, n)
     P: Array  # (T, r, n, n)
@@ -60,7 +60,7 @@ def predict(
     which : (T,) int64, the row of F, Q and markov each track takes; 0 if left out.
     shift : (T, n) known input, 0 if left out.
     """
-    tracks, _, n = state.x.shape
+    tracks, n = check_states(state.x)
     which = np.zeros(tracks, np.int64) if which is None else which
     shift = np.zeros((tracks, n)) if shift is None else shift
     return ImmState(*kernels.predict(*state, F, Q, markov, which, shift))
@@ -73,6 +73,8 @@ def update(
 
     Gives the state and `sound` (T,) bool: False where an innovation covariance was not positive definite.
     """
+    check_states(state.x)
+    check_measured(H)
     angle = np.zeros(len(H), np.bool_) if angle is None else angle
     x, P, mu, sound = kernels.update(*state, z, seen, H, R, angle)
     return ImmState(x, P, mu), sound

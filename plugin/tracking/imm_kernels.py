@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from plugin.tracking.kalman_kernels import predict_one, update_one
+from plugin.tracking.kalman_kernels import MEASURED, STATES, predict_one, update_one
 from sumo_net.compile import kernel
 from sumo_net.frames import wrap_angle
 
@@ -16,7 +16,7 @@ def mix_one(x, P, mu, markov, x0, P0, c, w):  # type: ignore[no-untyped-def]
     x (r, n), P (r, n, n), mu (r,), markov (r, r) with Π[i, j] = P(i → j); w (r,) is scratch. A model that
     cannot be reached (c = 0) starts from its own last estimate.
     """
-    r, n = x.shape
+    r, n = len(x), STATES
     for j in range(r):
         total = 0.0
         for i in range(r):
@@ -45,7 +45,7 @@ def predict(x, P, mu, F, Q, markov, which, shift):  # type: ignore[no-untyped-de
     """Mixing and prediction: x (T, r, n), P (T, r, n, n), mu (T, r); F, Q (U, r, n, n), markov (U, r, r),
     which (T,) into U, shift (T, n) added after F. The mode probabilities that come back are the Markov step.
     """
-    tracks, r, n = x.shape
+    tracks, r, n = len(x), x.shape[1], STATES
     xp, Pp, c = np.empty_like(x), np.empty_like(P), np.empty_like(mu)
     x0, P0, w, work = np.empty((r, n)), np.empty((r, n, n)), np.empty(r), np.empty((n, n))
     for t in range(tracks):
@@ -65,8 +65,8 @@ def update(x, P, mu, z, seen, H, R, angle):  # type: ignore[no-untyped-def]
     stays as predicted. Where some model's innovation covariance is not positive definite, `sound` is False
     and the probabilities stay as predicted.
     """
-    tracks, r, n = x.shape
-    m = H.shape[0]
+    tracks, r, n = len(x), x.shape[1], STATES
+    m = MEASURED
     x, P, mu = x.copy(), P.copy(), mu.copy()
     sound = np.ones(tracks, np.bool_)
     y, K, S, L = np.empty(m), np.empty((n, m)), np.empty((m, m)), np.empty((m, m))
@@ -100,7 +100,7 @@ def update(x, P, mu, z, seen, H, R, angle):  # type: ignore[no-untyped-def]
 @kernel
 def combine(x, P, mu):  # type: ignore[no-untyped-def]
     """Step 4: mean (T, n) and covariance (T, n, n) of the mixture, with the spread of the means."""
-    tracks, r, n = x.shape
+    tracks, r, n = len(x), x.shape[1], STATES
     mean, covariance = np.zeros((tracks, n)), np.zeros((tracks, n, n))
     for t in range(tracks):
         for j in range(r):

@@ -10,7 +10,7 @@ Array = np.ndarray[Any, Any]
 
 
 class Gaussian(NamedTuple):
-    """State estimates of T tracks."""
+    """State estimates of T tracks with n = 6 states."""
 
     x: Array  # (T, n)
     P: Array  # (T, n, n)
@@ -24,6 +24,19 @@ class Innovation(NamedTuple):
     log_likelihood: Array  # (T,); NaN also where S was not positive definite, and the update was left out
 
 
+def check_states(x: Array) -> tuple[int, int]:
+    """(T, n) of states x (T, ..., n). Raises ValueError unless n is what the kernels are compiled for."""
+    if x.shape[-1] != kernels.STATES:
+        raise ValueError(f"x has {x.shape[-1]} states: the kernels take {kernels.STATES}")
+    return len(x), x.shape[-1]
+
+
+def check_measured(H: Array) -> None:
+    """Raises ValueError unless H (..., m, n) is of the size that the kernels are compiled for."""
+    if H.shape[-2:] != (kernels.MEASURED, kernels.STATES):
+        raise ValueError(f"H is {H.shape[-2:]}: the kernels take {(kernels.MEASURED, kernels.STATES)}")
+
+
 def predict(
     state: Gaussian, F: Array, Q: Array, which: Array | None = None, shift: Array | None = None
 ) -> Gaussian:
@@ -35,7 +48,7 @@ def predict(
     which : (T,) int64, the row of F and Q each track takes; left out where U is 1 or T.
     shift : (T, n) known input, 0 if left out.
     """
-    tracks, n = state.x.shape
+    tracks, n = check_states(state.x)
     F, Q = F.reshape(-1, n, n), Q.reshape(-1, n, n)
     rows = max(len(F), len(Q))
     F, Q = (np.repeat(M, rows, axis=0) if len(M) < rows else np.ascontiguousarray(M) for M in (F, Q))
@@ -49,6 +62,8 @@ def update(
     state: Gaussian, z: Array, seen: Array, H: Array, R: Array, angle: Array | None = None
 ) -> tuple[Gaussian, Innovation]:
     """Joseph-form update with z (T, m) where `seen` (T,); H (m, n), R (m, m), angle (m,) bool or none."""
+    check_states(state.x)
+    check_measured(H)
     angle = np.zeros(len(H), np.bool_) if angle is None else angle
     x, P, *innovation = kernels.update(state.x, state.P, z, seen, H, R, angle)
     return Gaussian(x, P), Innovation(*innovation)

@@ -87,11 +87,10 @@ class PolarFilter:
         return imm.init(x, P, np.full(len(self.models.names), 1.0 / len(self.models.names)))
 
     def predict(self, state: ImmState, owner: Array, dt: Array, sensor: SensorMotion) -> ImmState:
-        x, P = polar_kernels.couple(state.x, state.P, owner, dt, sensor)
         steps, which = np.unique(dt, return_inverse=True)
         F, Q = self.models.transition(steps)
         markov = markov_powers(self.markov, steps, self._step_s)
-        return imm.predict(ImmState(x, P, state.mu), F, Q, markov, which[owner])
+        return ImmState(*polar_kernels.predict(*state, F, Q, markov, which[owner], owner, dt, sensor))
 
     def expect(self, state: ImmState, owner: Array, sensor: SensorMotion) -> tuple[Array, Array]:
         mean = imm.combine(state)

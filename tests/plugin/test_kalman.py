@@ -155,3 +155,12 @@ def test_nees_of_the_matched_filter_is_inside_the_95_percent_bounds(kind: str, s
     assert low < nees[-1].mean() < high
     inside = [low < one.mean() < high for one in nees]
     assert np.mean(inside) > 0.8  # 0.95 is expected, but the 150 times are one correlated series
+
+
+def test_other_sizes_are_refused() -> None:
+    small = kalman.Gaussian(np.zeros((1, 4)), np.eye(4)[None])
+    with pytest.raises(ValueError, match="x has 4 states"):
+        kalman.predict(small, np.eye(4), np.eye(4))
+    whole = kalman.Gaussian(np.zeros((1, 6)), np.eye(6)[None])
+    with pytest.raises(ValueError, match=r"H is \(2, 6\)"):
+        kalman.update(whole, np.zeros((1, 2)), np.ones(1, np.bool_), POLAR_H[:2], np.eye(2))
