@@ -1,9 +1,11 @@
 """The command `sumo-adas`."""
 
 import contextlib
-from collections.abc import Iterator
+import enum
+import signal
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -11,19 +13,58 @@ from rich.console import Console
 from sumo_net.settings import SettingsError
 from sumo_net.traffic import TrafficError
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-_errors = Console(stderr=True, highlight=False, markup=False)
+app = typer.Typer(
+    invoke_without_command=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
+)
+_errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+# typer has a copy of click in its newer releases: this class is where both have it
+_UsageError: Any = typer.BadParameter.__base__
 
-Out = Annotated[Path, typer.Option("--out", help="Directory for the tables.", file_okay=False)]
-Seed = Annotated[int, typer.Option("--seed", help="Seed of traffic, drivers and sensors.", min=0)]
+
+class Mode(enum.StrEnum):
+    """Which chain runs."""
+
+    PAPER = "paper"
+    REFINED = "refined"
 
 
-def main() -> None:
+class Format(enum.StrEnum):
+    """How tables are written."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    BOTH = "both"
+
+
+Out = Annotated[Path, typer.Option("--out", help="Directory for the tables.", file_okay=False, metavar="DIR")]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: every expected error is one line on standard error and exit status 2."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ended by a batch system: rows are kept, too
     try:
-        app(standalone_mode=True)
-    except KeyboardInterrupt:
+        status = app(arguments, standalone_mode=False)
+    except _UsageError as error:
+        where = error.ctx.command_path if error.ctx else "sumo-adas"
+        _errors.print(f"error: {_one_line(error.format_message())} (see {where} --help)")
+        raise SystemExit(2) from None
+    except (KeyboardInterrupt, typer.Abort):
         raise SystemExit(130) from None
+    raise SystemExit(status)
+
+
+@app.callback()
+def about(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the versions and leave.")] = False,
+) -> None:
+    """Lane-departure warning for whole fleets in SUMO: runs, recorded footage, evaluation."""
+    if version:
+        from plugin.configuration import versions
+
+        typer.echo(versions())
+    elif context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @contextlib.contextmanager
@@ -40,28 +81,41 @@ def _told_where(out: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        _errors.print(f"interrupted: the rows so far are in {out}")
+        _errors.print(f"interrupted: the rows so far are in {out}" if out.exists() else "interrupted")
         raise typer.Exit(130) from None
 
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="Built-in name, FILE.toml or FILE.sumocfg.")] = "highway",
+    scenario: Annotated[
+        str, typer.Argument(help="Built-in name, FILE.toml or FILE.sumocfg.", metavar="SCENARIO")
+    ] = "highway",
     out: Out = Path("out"),
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Default: the scenario's.")] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=2**31 - 1, metavar="N", help="Of traffic, drivers, sensors; else the scenario's."
+        ),
+    ] = None,
     duration: Annotated[
-        float | None, typer.Option("--duration", help="Seconds. Default: the scenario's.")
+        float | None, typer.Option(min=0.1, max=86_400, metavar="S", help="Seconds; else the scenario's.")
     ] = None,
     equip: Annotated[
-        float | None, typer.Option("--equip", help="Share of equipped vehicles, 0 to 1.")
+        float | None,
+        typer.Option(
+            min=0, max=1, metavar="FRACTION", help="Share of equipped vehicles; else the scenario's."
+        ),
     ] = None,
-    mode: Annotated[str | None, typer.Option("--mode", help="paper or refined.")] = None,
-    table_format: Annotated[str, typer.Option("--format", help="csv, parquet or both.")] = "csv",
+    mode: Annotated[
+        Mode | None,
+        typer.Option(help="The published chain as it is, or the default one; else the scenario's."),
+    ] = None,
+    table_format: Annotated[Format, typer.Option("--format", help="Of the tables.")] = Format.CSV,
     compare_paper: Annotated[
-        bool, typer.Option(help="Also judge the published search on every frame.")
+        bool, typer.Option("--compare-paper", help="Also judge the published search on every frame.")
     ] = False,
 ) -> None:
-    """Run a scenario in SUMO and write the tables."""
+    """Run a scenario in SUMO, write the tables and print a summary."""
     from analysis.simulate import simulate
     from analysis.summary import print_summary
 
@@ -72,8 +126,8 @@ def run(
             seed=seed,
             duration_s=duration,
             fraction=equip,
-            mode=mode,
-            formats=_formats(table_format),
+            mode=None if mode is None else mode.value,
+            formats=("csv", "parquet") if table_format is Format.BOTH else (table_format.value,),
             compare_paper=compare_paper,
         )
         print_summary(directory)
@@ -84,34 +138,49 @@ def scenarios() -> None:
     """List the built-in scenarios."""
     from sumo_net.scenario import list_scenarios
 
-    console = Console(highlight=False)
     for name, title in list_scenarios():
-        console.print(f"{name:14} {title}")
+        typer.echo(f"{name:14} {title}")
 
 
 @app.command()
 def detect(
-    source: Annotated[Path, typer.Argument(help="A video, a folder of images, or an image.")],
-    camera: Annotated[Path, typer.Option("--camera", help="Camera file, as `calibrate` proposes it.")],
+    source: Annotated[
+        Path, typer.Argument(help="A video, a folder of images, or an image.", metavar="SOURCE")
+    ],
+    camera: Annotated[
+        Path, typer.Option("--camera", help="Camera file, as `calibrate` proposes it.", metavar="FILE")
+    ],
     out: Out = Path("out"),
     overlay: Annotated[
-        Path | None, typer.Option("--overlay", help="Video with borders and predicted path.")
+        Path | None,
+        typer.Option("--overlay", help="Video with borders and predicted path.", metavar="FILE"),
     ] = None,
-    mode: Annotated[str, typer.Option("--mode", help="paper or refined.")] = "refined",
-    speed: Annotated[float, typer.Option("--speed", help="Speed of the vehicle in m/s.", min=0)] = 25.0,
+    mode: Annotated[Mode, typer.Option(help="The published search, or the default tracker.")] = Mode.REFINED,
+    speed: Annotated[
+        float, typer.Option("--speed", help="Speed of the vehicle in m/s.", min=0, max=100, metavar="V")
+    ] = 25.0,
 ) -> None:
     """Find the lane in recorded footage."""
     from analysis.recorded import detect as detect_lanes
 
-    with _plain_errors():
-        detect_lanes(source, camera, out, overlay=overlay, mode=mode, speed_mps=speed)
+    with _plain_errors(), _told_where(out):
+        detect_lanes(source, camera, out, overlay=overlay, mode=mode.value, speed_mps=speed)
 
 
 @app.command()
 def calibrate(
-    images: Annotated[list[Path], typer.Argument(help="One or more images of a straight road.")],
-    lane_width: Annotated[float, typer.Option("--lane-width", help="Width of the ego lane in m.")] = 3.7,
-    height: Annotated[float, typer.Option("--height", help="Height of the camera in m.")] = 1.3,
+    images: Annotated[
+        list[Path], typer.Argument(help="One or more images of a straight road.", metavar="IMAGE...")
+    ],
+    lane_width: Annotated[
+        float, typer.Option("--lane-width", help="Width of the ego lane in m.", metavar="M")
+    ] = 3.7,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            "--height", help="Height of the camera in m, where known; else from the lane width.", metavar="M"
+        ),
+    ] = None,
 ) -> None:
     """Propose a camera file, as TOML on standard output."""
     from analysis.calibrate import calibrate as propose
@@ -120,15 +189,22 @@ def calibrate(
         typer.echo(propose(images, lane_width_m=lane_width, height_m=height))
 
 
-@app.command()
+@app.command(short_help="Measure accuracy over many seeds against the stated targets.")
 def evaluate(
     out: Out = Path("out/evaluation"),
-    seeds: Annotated[int, typer.Option("--seeds", help="How many seeds.", min=1)] = 10,
-    first_seed: Annotated[int, typer.Option("--first-seed", min=0)] = 100,
-    duration: Annotated[float, typer.Option("--duration", help="Seconds simulated a run.")] = 60.0,
-    equip: Annotated[float, typer.Option("--equip", help="Share of equipped vehicles.")] = 0.2,
-    workers: Annotated[int, typer.Option("--workers", help="Runs at once.", min=1)] = 2,
-    scenario: Annotated[str, typer.Option("--scenario")] = "highway",
+    seeds: Annotated[int, typer.Option("--seeds", help="How many seeds.", min=1, metavar="N")] = 10,
+    first_seed: Annotated[
+        int, typer.Option("--first-seed", help="The first of them.", min=0, metavar="N")
+    ] = 100,
+    duration: Annotated[
+        float,
+        typer.Option("--duration", help="Seconds simulated a run.", min=0.1, max=86_400, metavar="S"),
+    ] = 60.0,
+    equip: Annotated[
+        float, typer.Option("--equip", help="Share of equipped vehicles.", min=0, max=1, metavar="FRACTION")
+    ] = 0.2,
+    workers: Annotated[int, typer.Option("--workers", help="Runs at once.", min=1, metavar="N")] = 2,
+    scenario: Annotated[str, typer.Option("--scenario", help="As for run.", metavar="SCENARIO")] = "highway",
 ) -> None:
     """Measure accuracy over many seeds, in clear and complex conditions, against the stated targets."""
     from analysis.evaluation import evaluate as measure
@@ -137,8 +213,5 @@ def evaluate(
         measure(out, scenario, range(first_seed, first_seed + seeds), duration, equip, workers)
 
 
-def _formats(name: str) -> tuple[str, ...]:
-    formats = {"csv": ("csv",), "parquet": ("parquet",), "both": ("csv", "parquet")}
-    if name not in formats:
-        raise SettingsError(f"--format = '{name}': allowed are {', '.join(formats)}")
-    return formats[name]
+def _one_line(text: str) -> str:
+    return " ".join(text.replace("Value error, ", "").split())

@@ -1,7 +1,10 @@
 """One run: SUMO, the equipped fleet, the tables."""
 
+import contextlib
+import signal
 import tempfile
-from collections.abc import Iterable, Mapping
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +58,7 @@ def simulate(
         for note in prepared.notes:
             console.print(f"note: {note}", markup=False)
         with (
+            _between_steps() as stop_here,
             Traffic.start(prepared.arguments) as traffic,
             DriverAssistance(
                 traffic,
@@ -70,12 +74,42 @@ def simulate(
         ):
             for _ in range(prepared.warm_up_steps):
                 traffic.step()
+                stop_here()
             task = progress.add_task(name, total=prepared.recorded_steps, vehicles=0)
             for _ in range(prepared.recorded_steps):
                 traffic.step()
                 adas.step()
                 progress.update(task, advance=1, vehicles=len(adas.vehicles))
+                stop_here()
     return out
+
+
+@contextlib.contextmanager
+def _between_steps() -> Iterator[Callable[[], None]]:
+    """Holds a Ctrl-C back until the function that it gives is called: no step, no table is cut in two.
+
+    A second one interrupts at once. Only the main thread gets signals; elsewhere nothing is held back.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: None
+        return
+    asked: list[int] = []
+
+    def ask(number: int, frame: Any) -> None:
+        if asked:
+            raise KeyboardInterrupt
+        asked.append(number)
+
+    def stop_here() -> None:
+        if asked:
+            raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop_here
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _progress(console: Console) -> Progress:

@@ -1,5 +1,6 @@
 """The summary of a run on the terminal."""
 
+import math
 from pathlib import Path
 
 from rich.console import Console
@@ -11,14 +12,14 @@ from plugin.truth import HORIZONS_S
 
 _LABELS = {
     "predicted": "predicted path",
-    "true_state": "same predictor, true state",
-    "constant_velocity": "constant lateral velocity",
-    "constant_radius": "constant turn radius",
+    "true_state": "  from the true state",
+    "constant_velocity": "  constant velocity",
+    "constant_radius": "  constant radius",
 }
 
 
 def print_summary(directory: Path, console: Console | None = None) -> None:
-    """Print the figures of the run whose tables lie in `directory`."""
+    """Print the figures of the run whose tables lie in `directory`, in lines of at most 80 characters."""
     console = console or Console(highlight=False)
     figures = summary(
         read_table(directory, "steps"),
@@ -27,63 +28,87 @@ def print_summary(directory: Path, console: Console | None = None) -> None:
         read_table(directory, "departures"),
     )
     if not figures["vehicle_steps"]:
-        console.print(f"No equipped vehicle drove. Tables: {directory}")
+        console.print(f"No equipped vehicle drove. Tables: {directory}", markup=False, soft_wrap=True)
         return
     console.print(_figures(figures))
+    console.print()
     console.print(_predictions(figures))
-    console.print(f"Tables: {directory}", soft_wrap=True)
+    console.print(f"\nTables: {directory}", markup=False, soft_wrap=True)
 
 
 def _figures(f: dict[str, float]) -> Table:
-    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2))
     rows = [
         ("equipped vehicles", f"{f['vehicles']:.0f}, {f['distance_km']:.1f} km"),
-        (
-            "departures",
-            f"{f['departures']:.0f} ({f['departures_per_100km']:.1f} per 100 km): "
-            f"{f['departures_warned']:.0f} warned before the crossing, {f['departures_missed']:.0f} missed",
-        ),
+        ("departures", f"{f['departures']:.0f} ({f['departures_per_100km']:.1f} per 100 km)"),
+    ]
+    if f["departures"]:
+        rows += [
+            (
+                "  warned before",
+                f"{f['departures_warned']:.0f}, median {_number(f['median_lead_time_s'])} s before",
+            ),
+            ("  missed", f"{f['departures_missed']:.0f}"),
+        ]
+    rows += [
         (
             "warnings",
             f"{f['warnings']:.0f}: {f['warnings_true']:.0f} true, {f['warnings_nuisance']:.0f} nuisance, "
-            f"{f['warnings_false']:.0f} false ({f['false_per_100km']:.2f} per 100 km)",
+            f"{f['warnings_false']:.0f} false",
         ),
-        ("median lead time", f"{f['median_lead_time_s']:.2f} s"),
+        (
+            "  false per 100 km",
+            f"{f['false_per_100km']:.2f} (95 % interval {f['false_per_100km_low']:.2f} to "
+            f"{f['false_per_100km_high']:.2f})",
+        ),
         ("lane recognised", _share(f["recognition_rate"])),
     ]
-    if f["paper_recognition_rate"] == f["paper_recognition_rate"]:
+    if not math.isnan(f["paper_recognition_rate"]):
         rows.append(("  published search", _share(f["paper_recognition_rate"])))
-    rows += [
+    rows.append(
         (
-            "lane errors (RMS)",
-            f"{f['lateral_offset_rmse_m'] * 100:.1f} cm, {f['heading_rmse_rad'] * 1e3:.2f} mrad",
-        ),
-        (
-            "TLC error below 1 s",
-            f"median {f['tlc_error_median_s']:.2f} s, 95 % {f['tlc_error_p95_s']:.2f} s "
-            f"(true state: {f['tlc_true_state_error_median_s']:.2f}, {f['tlc_true_state_error_p95_s']:.2f})",
-        ),
-    ]
-    for label, value in rows:
-        table.add_row(label, value)
+            "lane error (RMS)",
+            f"{_number(100.0 * f['lateral_offset_rmse_m'], 1)} cm, "
+            f"{_number(1e3 * f['heading_rmse_rad'])} mrad",
+        )
+    )
+    if f["tlc_steps"]:
+        rows += [
+            ("TLC error below 1 s", _tlc(f, "tlc")),
+            ("  from the true state", _tlc(f, "tlc_true_state")),
+        ]
+    table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for row in rows:
+        table.add_row(*row)
     return table
 
 
 def _predictions(f: dict[str, float]) -> Table:
-    table = Table(
-        title="lateral prediction error in m, median / 95th percentile", title_justify="left", box=None
-    )
-    table.add_column("")
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("lateral error in cm")
     for horizon in HORIZONS_S:
         table.add_column(f"{horizon:.1f} s", justify="right")
     for label in ERRORS:
         cells = [
-            f"{f[f'{label}_error_{h:.1f}s_median_m']:.3f} / {f[f'{label}_error_{h:.1f}s_p95_m']:.3f}"
+            f"{_number(100.0 * f[f'{label}_error_{h:.1f}s_median_m'], 1)} / "
+            f"{_number(100.0 * f[f'{label}_error_{h:.1f}s_p95_m'], 1)}"
             for h in HORIZONS_S
         ]
         table.add_row(_LABELS[label], *cells)
+    table.caption = "median / 95th percentile"
+    table.caption_justify = "left"
     return table
 
 
+def _tlc(f: dict[str, float], name: str) -> str:
+    median, p95 = f[f"{name}_error_median_s"], f[f"{name}_error_p95_s"]
+    return f"median {_number(median)} s, 95th percentile {_number(p95)} s"
+
+
+def _number(value: float, decimals: int = 2) -> str:
+    if math.isnan(value):
+        return "–"
+    return "none" if math.isinf(value) else f"{value:.{decimals}f}"
+
+
 def _share(value: float) -> str:
-    return f"{100.0 * value:.2f} % of frames"
+    return "–" if math.isnan(value) else f"{100.0 * value:.2f} % of frames"

@@ -95,7 +95,7 @@ def versions() -> str:
     for name in ("sumo-adas", "libsumo", "numpy", "numba"):
         with contextlib.suppress(metadata.PackageNotFoundError):
             parts.append(f"{name} {metadata.version(name)}")
-    return ", ".join(parts)
+    return "; ".join(parts)  # no comma: the table stays without quotation marks
 
 
 def read_camera(path: Path) -> Camera:

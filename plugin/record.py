@@ -1,5 +1,6 @@
 """Tables on disk or in memory: chunks of columns in, CSV and Parquet files or pandas tables out."""
 
+import io
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -44,6 +45,8 @@ class Recorder:
             directory.mkdir(parents=True, exist_ok=True)
             for name, columns in tables.items():
                 schema = _arrow_schema(columns)
+                for suffix in ("csv", "parquet", "parquet.part"):  # of an earlier run
+                    (directory / f"{name}.{suffix}").unlink(missing_ok=True)
                 if "csv" in formats:
                     self._writers[name].append(_CsvFile(directory / f"{name}.csv", schema))
                 if "parquet" in formats:
@@ -105,6 +108,8 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
     Raises FileNotFoundError where the directory holds neither.
     """
     parquet, csv = directory / f"{name}.parquet", directory / f"{name}.csv"
+    if parquet.exists():
+        return to_pandas(pa.parquet.read_table(parquet))
     if csv.exists():
         schema = _arrow_schema(TABLES[name])
         options = pa.csv.ConvertOptions(
@@ -113,8 +118,6 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
         if csv.stat().st_size == 0:
             return to_pandas(schema.empty_table())
         return to_pandas(pa.csv.read_csv(csv, convert_options=options))
-    if parquet.exists():
-        return to_pandas(pa.parquet.read_table(parquet))
     raise FileNotFoundError(f"{directory}: holds no table '{name}' ({csv.name} or {parquet.name})")
 
 
@@ -127,10 +130,13 @@ class _CsvFile:
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self._file = path.open("wb")
         self._file.write((",".join(schema.names) + "\n").encode())
-        self._options = pa.csv.WriteOptions(include_header=False, quoting_style="needed")
 
     def write(self, table: pa.Table) -> None:
-        pa.csv.write_csv(table, self._file, self._options)
+        try:
+            rows = _csv_rows(table, "none")
+        except pa.ArrowInvalid:  # a comma or quotation mark in a text
+            rows = _csv_rows(table, "needed")  # puts every text in quotation marks
+        self._file.write(rows)
         self._file.flush()
 
     def flush(self) -> None:
@@ -163,6 +169,12 @@ class _ParquetFile:
             self._open = False
             self._writer.close()
             self._part.replace(self._path)
+
+
+def _csv_rows(table: pa.Table, quoting_style: str) -> bytes:
+    rows = io.BytesIO()
+    pa.csv.write_csv(table, rows, pa.csv.WriteOptions(include_header=False, quoting_style=quoting_style))
+    return rows.getvalue()
 
 
 def _arrow_schema(columns: tuple[Column, ...]) -> pa.Schema:
