@@ -15,7 +15,11 @@ from plugin.lane.road_model import (
     KNOT,
     KNOTS,
     LEFT,
+    LINES,
+    NEXT_LEFT,
+    NEXT_RIGHT,
     OFFSET,
+    OUTER_LEFT,
     PITCH,
     SPACING_M,
     STATES,
@@ -51,6 +55,8 @@ def initial_covariance(P, t, lateral_std, direction_std, width_std, curvature_st
             k_j = -0.5 * MIDDLE_M**2 * (j == OFFSET) + MIDDLE_M * (j == HEADING) + (KNOT <= j < KNOT + KNOTS)
             P[i, j] = lateral * lateral_std**2 + d_i * d_j * direction_std**2 + k_i * k_j * curvature_std**2
     P[WIDTH, WIDTH] = width_std * width_std
+    P[NEXT_LEFT, NEXT_LEFT] = t.next_std * t.next_std
+    P[NEXT_RIGHT, NEXT_RIGHT] = t.next_std * t.next_std
     P[PITCH, PITCH] = t.pitch_std * t.pitch_std
     P[TURN, TURN] = t.turn_std * t.turn_std
     pivot = int(MIDDLE_M / SPACING_M)
@@ -65,7 +71,9 @@ def initial_covariance(P, t, lateral_std, direction_std, width_std, curvature_st
 @kernel
 def parabola_as_candidates(left, right, rows, work):  # type: ignore[no-untyped-def]
     """Put the columns of the search's borders (a, b, c) in the place of ridges."""
-    for side in range(2):
+    for side in range(OUTER_LEFT, LINES):
+        work.ridges[side, :] = 0
+    for side in range(OUTER_LEFT):
         a, b, c = (left[0], left[1], left[2]) if side == LEFT else (right[0], right[1], right[2])
         for r in range(rows.shape[0]):
             y = rows[r]
@@ -164,6 +172,8 @@ def vote(point, found, t, bins, smooth, starts, score):  # type: ignore[no-untyp
                         trial[OFFSET] = -0.5 * (b + c - 2 * HALF_BINS) * BIN_M - back
                         trial[HEADING] = heading
                         trial[WIDTH] = width
+                        trial[NEXT_LEFT] = width
+                        trial[NEXT_RIGHT] = width
                         trial[KNOT : KNOT + KNOTS] = curvature
         # neighbouring curvatures share their place: they are the same lane
         place = STARTS
@@ -190,3 +200,5 @@ def lane_start(t, x):  # type: ignore[no-untyped-def]
     """A straight lane of usual width, the vehicle in its middle."""
     x[:] = 0.0
     x[WIDTH] = t.lane_width_m
+    x[NEXT_LEFT] = t.lane_width_m
+    x[NEXT_RIGHT] = t.lane_width_m

@@ -78,7 +78,7 @@ class Tuning(NamedTuple):
     confirm_frames: int
     patience_frames: int
     one_sided_frames: int
-    turn_std: float = 0.05
+    turn_std: float = 0.03
     turn_time_s: float = 0.5
     offset_walk: float = 0.03
     heading_walk: float = 0.002
@@ -98,7 +98,8 @@ class Tuning(NamedTuple):
     least_share: float = 0.1
     lock_rows: int = 24
     neighbour_share: float = 0.2
-    shift_width_std: float = 0.15
+    next_std: float = 0.25  # of a neighbouring lane's width against the own lane's
+    next_keep: float = 0.97
     outside_m: float = 1.2  # how far beyond a border the centre of gravity may be
     jump_m: float = 0.5
     jump_rad: float = 0.03

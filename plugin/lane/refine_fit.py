@@ -17,8 +17,13 @@ from plugin.lane.road_model import (
     KNOT,
     KNOTS,
     LEFT,
+    LINES,
+    NEXT_LEFT,
+    NEXT_RIGHT,
     NODES,
     OFFSET,
+    OUTER_LEFT,
+    OUTER_RIGHT,
     PITCH,
     RIGHT,
     STATES,
@@ -41,14 +46,15 @@ class Work(NamedTuple):
     """Work space of one vehicle at a time."""
 
     node: Array  # (NODES, 5)
-    border: Array  # (2, rows, 6)
+    border: Array  # (LINES, rows, 6)
     first: Array  # (KNOTS, KNOTS)
     area: Array
-    ridge: Array  # (2, rows, CANDIDATES, 2) centre, response
-    ridges: Array  # (2, rows) int64 how many
-    expected: Array  # (2, rows) bool: a marking there would be in the image
+    ridge: Array  # (LINES, rows, CANDIDATES, 2) centre, response
+    ridges: Array  # (LINES, rows) int64 how many
+    expected: Array  # (LINES, rows) bool: a marking there would be in the image
     spread: Array  # (rows,) standard deviation of the predicted borders, columns
-    found: Array  # (2, rows) bool: and was seen where the model says
+    aside: Array  # (LINES,) variance of what a line's place has beyond that
+    found: Array  # (LINES, rows) bool: and was seen where the model says
     sums: Array
     response: Array
     prior: Array  # (STATES, STATES) information
@@ -63,14 +69,15 @@ def workspace(rows):  # type: ignore[no-untyped-def]
     """Work for `rows` image rows."""
     return Work(
         np.zeros((NODES, 5)),
-        np.zeros((2, rows, 6)),
+        np.zeros((LINES, rows, 6)),
         np.zeros((KNOTS, KNOTS)),
         np.zeros((KNOTS, KNOTS)),
-        np.zeros((2, rows, CANDIDATES, 2)),
-        np.zeros((2, rows), np.int64),
-        np.zeros((2, rows), np.bool_),
+        np.zeros((LINES, rows, CANDIDATES, 2)),
+        np.zeros((LINES, rows), np.int64),
+        np.zeros((LINES, rows), np.bool_),
         np.zeros(rows),
-        np.zeros((2, rows), np.bool_),
+        np.zeros(LINES),
+        np.zeros((LINES, rows), np.bool_),
         np.zeros(BUFFER_PX + 1, np.int64),
         np.zeros(BUFFER_PX),
         np.zeros((STATES, STATES)),
@@ -148,7 +155,7 @@ def invert(A, L, out):  # type: ignore[no-untyped-def]
 def place_borders(x, phase, rows, p, t, work):  # type: ignore[no-untyped-def]
     """Trace the centre line and both borders of state x."""
     trace(x, phase, work.node)
-    for side in range(2):
+    for side in range(LINES):
         border_columns(x, rows, work.node, p, side, t.range_m, work.border[side])
 
 
@@ -161,7 +168,9 @@ def jacobian(phase, side, r, p, work):  # type: ignore[no-untyped-def]
     slant = scale / max(work.border[side, r, 4], 0.3)
     J[OFFSET] = slant
     J[HEADING] = scale * (station + slope * (p.center_x - column) / scale)
-    J[WIDTH] = -0.5 * slant if side == LEFT else 0.5 * slant
+    J[WIDTH] = -0.5 * slant if side in (LEFT, OUTER_LEFT) else 0.5 * slant
+    J[NEXT_LEFT] = -slant if side == OUTER_LEFT else 0.0
+    J[NEXT_RIGHT] = slant if side == OUTER_RIGHT else 0.0
     J[PITCH] = work.border[side, r, 5]
     seen = KNOT + sway(phase, work.first, work.area, station, J[KNOT:])
     for j in range(KNOT, seen):
@@ -174,6 +183,9 @@ def predict_spread(x, P, phase, rows, p, t, work):  # type: ignore[no-untyped-de
     """work.spread: how well the columns of the borders are known before looking; places the borders."""
     bases(phase, work.first, work.area)
     place_borders(x, phase, rows, p, t, work)
+    work.aside[LEFT], work.aside[RIGHT] = 0.0, 0.0
+    work.aside[OUTER_LEFT] = P[NEXT_LEFT, NEXT_LEFT]
+    work.aside[OUTER_RIGHT] = P[NEXT_RIGHT, NEXT_RIGHT]
     last, at = 0.0, 0
     for r in range(rows.shape[0]):
         side = LEFT if not math.isnan(work.border[LEFT, r, 0]) else RIGHT
@@ -196,11 +208,17 @@ def predict_spread(x, P, phase, rows, p, t, work):  # type: ignore[no-untyped-de
 
 
 @kernel
+def line_spread(side, r, scale, work):  # type: ignore[no-untyped-def]
+    """Standard deviation of the predicted column of a line at row r."""
+    return math.sqrt(work.spread[r] * work.spread[r] + work.aside[side] * scale * scale)
+
+
+@kernel
 def gather(frame, x, phase, rows, p, t, noise, work):  # type: ignore[no-untyped-def]
     """Look for marking candidates around both borders of x, as far aside as work.spread makes likely."""
     place_borders(x, phase, rows, p, t, work)
     height, width = frame.shape
-    for side in range(2):
+    for side in range(LINES):
         lean = 0.0
         for r in range(rows.shape[0]):
             column, scale = work.border[side, r, 0], work.border[side, r, 1]
@@ -208,7 +226,12 @@ def gather(frame, x, phase, rows, p, t, noise, work):  # type: ignore[no-untyped
             work.found[side, r] = False
             visible = MARGIN_PX < column < width - 1 - MARGIN_PX  # False for NaN
             work.expected[side, r] = visible
-            half = min(t.gate * work.spread[r] + t.reach_m * scale, t.furthest_aside_m * scale) + t.reach_px
+            half = (
+                min(
+                    t.gate * line_spread(side, r, scale, work) + t.reach_m * scale, t.furthest_aside_m * scale
+                )
+                + t.reach_px
+            )
             if column > -half and column < width + half:
                 if r + 1 < rows.shape[0] and not math.isnan(work.border[side, r + 1, 0]):
                     lean = (work.border[side, r + 1, 0] - column) / (rows[r + 1] - rows[r])
@@ -245,14 +268,16 @@ def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: igno
                 information[i, j] = work.prior[i, j]
                 g += work.prior[i, j] * (predicted[j] - x[j])
             gradient[i] = g
-        for side in range(2):
+        for side in range(LINES):
             for r in range(rows.shape[0]):
                 work.found[side, r] = False
                 column = work.border[side, r, 0]
                 if work.ridges[side, r] == 0 or math.isnan(column):
                     continue
                 scale = work.border[side, r, 1]
-                inverse = 1.0 / (width * work.spread[r] + t.association_m * scale + t.association_px)
+                inverse = 1.0 / (
+                    width * line_spread(side, r, scale, work) + t.association_m * scale + t.association_px
+                )
                 total, moment = 0.0, 0.0
                 for c in range(work.ridges[side, r]):
                     away = work.ridge[side, r, c, 0] - column

@@ -34,8 +34,13 @@ from plugin.lane.road_model import (
     KNOT,
     KNOTS,
     LEFT,
+    LINES,
+    NEXT_LEFT,
+    NEXT_RIGHT,
     NODES,
     OFFSET,
+    OUTER_LEFT,
+    OUTER_RIGHT,
     PITCH,
     RIGHT,
     SPACING_M,
@@ -66,6 +71,12 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
     x[HEADING] += T * x[TURN]
     x[TURN] *= keep
     x[PITCH] *= t.pitch_keep
+    for j in range(NEXT_LEFT, NEXT_RIGHT + 1):
+        # neighbouring lanes are as wide as this one, more or less
+        x[j] = x[WIDTH] + t.next_keep * (x[j] - x[WIDTH])
+        P[j, :] *= t.next_keep
+        P[:, j] *= t.next_keep
+        P[j, j] += t.next_std * t.next_std * (1.0 - t.next_keep * t.next_keep)
     for j in range(STATES):
         P[OFFSET, j] += advance * P[HEADING, j] + drift * P[TURN, j]
         P[HEADING, j] += T * P[TURN, j]
@@ -114,21 +125,27 @@ def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def shift_lane(x, P, side, width_std):  # type: ignore[no-untyped-def]
-    """Go over to the neighbouring lane: +1 left, -1 right. The border between the two stays where it is.
+def shift_lane(x, P, side, t):  # type: ignore[no-untyped-def]
+    """Go over to the neighbouring lane: +1 left, -1 right. All lines stay where they are.
 
-    The new lane is as wide as the old one give or take width_std: offset -= side (width + ε / 2).
+    offset -= side (WIDTH + NEXT) / 2, the neighbour's width becomes the lane's, the lane's that of the
+    neighbour on the other side; of the new neighbour nothing is known.
     """
-    x[OFFSET] -= side * x[WIDTH]
+    near, other = (NEXT_LEFT, NEXT_RIGHT) if side > 0 else (NEXT_RIGHT, NEXT_LEFT)
+    half = 0.5 * side
+    x[OFFSET] -= half * (x[WIDTH] + x[near])
+    x[other], x[WIDTH] = x[WIDTH], x[near]
     for j in range(STATES):
-        P[OFFSET, j] -= side * P[WIDTH, j]
+        P[OFFSET, j] -= half * (P[WIDTH, j] + P[near, j])
+        P[other, j] = P[WIDTH, j]
+        P[WIDTH, j] = P[near, j]
     for i in range(STATES):
-        P[i, OFFSET] -= side * P[i, WIDTH]
-    q = width_std * width_std
-    P[WIDTH, WIDTH] += q
-    P[OFFSET, OFFSET] += 0.25 * q
-    P[OFFSET, WIDTH] -= 0.5 * side * q
-    P[WIDTH, OFFSET] -= 0.5 * side * q
+        P[i, OFFSET] -= half * (P[i, WIDTH] + P[i, near])
+        P[i, other] = P[i, WIDTH]
+        P[i, WIDTH] = P[i, near]
+    P[near, :] = 0.0
+    P[:, near] = 0.0
+    P[near, near] = t.next_std * t.next_std
 
 
 @kernel
@@ -196,8 +213,8 @@ def room_for(rows):  # type: ignore[no-untyped-def]
         np.zeros(STATES),
         np.zeros((STATES, STATES)),
         np.zeros((STATES, STATES)),
-        np.zeros((2, rows), np.bool_),
-        np.zeros((2, rows), np.bool_),
+        np.zeros((LINES, rows), np.bool_),
+        np.zeros((LINES, rows), np.bool_),
     )
 
 
@@ -274,13 +291,10 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
 
 
 @kernel
-def far_border_share(frame, x, phase, side, rows, p, t, noise, work):  # type: ignore[no-untyped-def]
-    """Share of rows in which the outer border of the lane beyond border `side` is seen."""
-    beyond = x.copy()
-    beyond[OFFSET] -= x[WIDTH] if side == LEFT else -x[WIDTH]
-    gather(frame, beyond, phase, rows, p, t, noise, work)
+def share_of_paint(side, work):  # type: ignore[no-untyped-def]
+    """Share of the rows in which there is paint near a line."""
     found, expected = 0, 0
-    for r in range(rows.shape[0]):
+    for r in range(work.expected.shape[1]):
         if work.expected[side, r]:
             expected += 1
             if work.ridges[side, r] > 0 and odds_of_paint(work.ridge[side, r, 0, 1]) > 1.0:
@@ -320,19 +334,19 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
             predict_spread(x, P, phase, rows, p, t, work)
             noise = pixel_noise(frames[i], rows, work)
             if good:
-                if 0.5 * x[WIDTH] - abs(x[OFFSET]) < 0.0:
+                gather(frames[i], x, phase, rows, p, t, noise, work)
+                if abs(x[OFFSET]) > 0.5 * x[WIDTH]:
                     side = LEFT if x[OFFSET] > 0.0 else RIGHT
-                    share = far_border_share(frames[i], x, phase, side, rows, p, t, noise, work)
+                    share = share_of_paint(OUTER_LEFT if side == LEFT else OUTER_RIGHT, work)
                     if share > t.neighbour_share:
                         shift = 1 if side == LEFT else -1
-                        shift_lane(x, P, shift, t.shift_width_std)
-                        kept = new.share[i, side]
+                        shift_lane(x, P, shift, t)
+                        new.share[i, 1 - side] = old.share[i, side]
                         new.share[i, side] = share
-                        new.share[i, 1 - side] = kept
                         before[:] = x
                         good = invert(P, work.factor, work.prior)
                         predict_spread(x, P, phase, rows, p, t, work)
-                gather(frames[i], x, phase, rows, p, t, noise, work)
+                        gather(frames[i], x, phase, rows, p, t, noise, work)
                 good = good and fit(x, phase, before, rows, p, t, 1.0, t.iterations, work)
             if good:
                 found_left, expected_left = tally(work, LEFT)

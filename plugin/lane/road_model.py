@@ -8,6 +8,7 @@ known when it lies under the wheels, where a narrow camera sees nothing. State v
     HEADING  rad   vehicle heading minus lane heading at the centre of gravity
     WIDTH    m     lane width; the borders are at ± WIDTH / 2
     PITCH    rad   correction to the camera's pitch, downwards positive
+    NEXT_LEFT, NEXT_RIGHT   m   widths of the neighbouring lanes: their outer lines tell of the road's course
     KNOT...  1/m   curvature at stations -phase + j SPACING_M, j = 0 ... KNOTS - 1
     TURN     rad/s vehicle's yaw rate minus speed times curvature (is not seen in one image)
 
@@ -23,7 +24,7 @@ from sumo_net.compile import kernel
 
 KNOTS = 9
 SPACING_M = 15.0
-OFFSET, HEADING, WIDTH, PITCH, KNOT = 0, 1, 2, 3, 4
+OFFSET, HEADING, WIDTH, PITCH, NEXT_LEFT, NEXT_RIGHT, KNOT = 0, 1, 2, 3, 4, 5, 6
 TURN = KNOT + KNOTS
 STATES = TURN + 1
 SEEN = TURN  # states that an image depends on come first
@@ -33,7 +34,8 @@ NODE_M = SPACING_M / PER_KNOT
 NODES = PER_KNOT * (KNOTS - 1)
 FURTHEST_M = SPACING_M * (KNOTS - 2)  # covered by knots at every phase
 
-LEFT, RIGHT = 0, 1
+LEFT, RIGHT, OUTER_LEFT, OUTER_RIGHT = 0, 1, 2, 3  # borders, and the lines beyond
+LINES = 4
 
 
 @kernel
@@ -97,12 +99,16 @@ def row_ground(y, pitch, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def border_columns(x, rows, node, p, side, furthest, out):  # type: ignore[no-untyped-def]
-    """Where one border crosses the image rows `rows` (y, from the bottom up, ascending).
+    """Where one line (LEFT … OUTER_RIGHT) crosses the image rows `rows` (y, from the bottom up, ascending).
 
     out (rows, 6): column, pixels per metre across, slope of the border against the camera's axis, station,
     cosine of the lane's direction, d column / d pitch. Rows without an answer have column NaN.
     """
-    d = 0.5 * x[WIDTH] if side == LEFT else -0.5 * x[WIDTH]
+    d = 0.5 * x[WIDTH] if side in (LEFT, OUTER_LEFT) else -0.5 * x[WIDTH]
+    if side == OUTER_LEFT:
+        d += x[NEXT_LEFT]
+    elif side == OUTER_RIGHT:
+        d -= x[NEXT_RIGHT]
     i = 0
     ahead_0, aside_0, slope_0 = _node_seen(node, i, d, p)
     i = 1
