@@ -71,7 +71,7 @@ class Log(NamedTuple):
     detections: Detections  # owner 0; label is an index into `targets`
     ego: EgoMotion  # (S,) each
     targets: tuple[str, ...]
-    truth: pd.DataFrame  # time_s, target_id and the true_ columns there are
+    truth: pd.DataFrame  # time_s, target_id and the true_ columns there are; no rows where there are none
     dropped: int  # rows that repeated another one exactly
 
 
@@ -129,7 +129,9 @@ def parse(frame: pd.DataFrame, source: str) -> Log:
         ),
         EgoMotion(speed, acceleration, yaw_rate, np.zeros(len(time))),
         tuple(targets),
-        pd.DataFrame({"time_s": values["time_s"], "target_id": names} | truth)[real & (names != "")],
+        pd.DataFrame({"time_s": values["time_s"], "target_id": names} | truth)[
+            real & (names != "") & bool(truth)
+        ],
         len(text) - len(rows),
     )
 

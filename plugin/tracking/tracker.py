@@ -129,9 +129,12 @@ class Tracker:
         ego : the n vehicles' motion, at the time of the scan.
         dt_s : (n,) array or one number, time since the vehicle's last scan; after a gap longer than
             `coast_s` all its tracks end.
+
+        Raises ValueError where a detection or a time step is not a number, or a time step is negative.
         """
         options, n = self.options, len(state.next_id)
         dt = np.broadcast_to(np.asarray(dt_s, np.float64), (n,))
+        _check(detections, dt)
         sensor = sensor_motion(ego, options.filters.mount_forward_m)
         order = np.argsort(detections.owner, kind="stable")
         sorted_detections = select(detections, order)
@@ -277,6 +280,16 @@ def _select(state: TrackerState, index: Array) -> TrackerState:
         filter=select(state.filter, index),
         classes=select(state.classes, index),
     )
+
+
+def _check(detections: Detections, dt: Array) -> None:
+    for name in ("range_m", "range_rate_mps", "azimuth_rad"):
+        finite = np.isfinite(getattr(detections, name))
+        if not finite.all():
+            row = int(np.argmin(finite))
+            raise ValueError(f"{name}[{row}] = {getattr(detections, name)[row]}: must be a finite number")
+    if not (dt >= 0.0).all():
+        raise ValueError(f"dt_s = {dt[~(dt >= 0.0)][0]}: must be 0 or more")
 
 
 def _named(tracks: Tracks, detections: Detections, free: Array) -> Array:

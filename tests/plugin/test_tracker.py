@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from radar_scene import Scan, Scene
 
 from plugin.tracking import classification
-from plugin.tracking.detections import Detections, at_rest
+from plugin.tracking.detections import Detections, at_rest, sensor_motion
 from plugin.tracking.filters import FILTERS, FilterSettings, make
 from plugin.tracking.tracker import Tracker, TrackerSettings
 from sumo_net.batch import select
@@ -98,8 +98,6 @@ def test_a_filter_alone_predicts_a_passing_post_to_centimetres(name: str) -> Non
     scene = Scene(np.array([[[45.0, 6.0]]]), np.zeros((1, 1, 2)), noise=0.0, yaw_rate=0.05)
     scans = list(scene.scans(np.random.default_rng(0), [0.1] * 6))
     chosen, owner = make(name, FilterSettings()), np.zeros(1, np.int64)
-    from plugin.tracking.detections import sensor_motion
-
     state = chosen.start(scans[0].detections, sensor_motion(scans[0].ego, 0.0))
     for scan in scans[1:]:
         state = chosen.predict(state, owner, np.full(1, scan.dt), sensor_motion(scan.ego, 0.0))
@@ -263,6 +261,14 @@ def test_clutter_alone_breaks_nothing(seed: int, name: str) -> None:
         taken = tracks.detection[tracks.detection >= 0]
         assert len(set(taken)) == len(taken)
         assert all(np.isfinite(part).all() for part in tracks.estimate[:-1])
+
+
+def test_input_that_is_no_number_is_refused() -> None:
+    tracker = Tracker(TrackerSettings())
+    with pytest.raises(ValueError, match=r"azimuth_rad\[1\] = nan"):
+        tracker.step(tracker.init(1), detections([(5, 0, 0), (5, 0, np.nan)]), at_rest(1), 0.1)
+    with pytest.raises(ValueError, match=r"dt_s = -0.1"):
+        tracker.step(tracker.init(1), detections([]), at_rest(1), -0.1)
 
 
 def test_settings_say_what_is_wrong() -> None:
