@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
+from sumo_net.driver_kernels import STEP_S
 from sumo_net.randomness import generator, stream_key
 from sumo_net.settings import settings
 from sumo_net.vehicle import Vehicle, single_track
@@ -47,6 +48,14 @@ class Driver:
         le=4,
         description="in city turns (R < 25 m) bandwidth and correction grow by this factor + 1",
     )
+    jitter_sd_rad: float = Field(
+        3.3e-4,
+        ge=0,
+        le=0.01,
+        description="quick unrest of the front wheels around 1 Hz (hands, road); the default makes 0.27 mrad "
+        "between 1 and 3 Hz, as a recorded freeway drive shows (0.24° at the steering wheel)",
+    )
+    jitter_time_s: float = Field(0.16, gt=0.02, description="its time constant: most at 1 / (2π · that) Hz")
     noise_time_s: float = Field(1.5, gt=0, description="correlation time of the steer's disturbance")
     steer_lag_s: float = Field(0.15, gt=0.02, description="time constant of arm and wheel")
     steer_rate_most_rps: float = Field(0.50, gt=0, description="of the front wheels, rad/s")
@@ -112,6 +121,8 @@ class Mind(NamedTuple):
     """What each of n drivers is doing now."""
 
     noise: Array  # (n,) the disturbance, standard normal
+    unrest: Array  # (n,) noise that the jitter is the quick part of, standard normal
+    calm: Array  # (n,) its slow part
     cause: Array  # (n,) int8, LANE_KEEPING ... UNSIGNALLED_CHANGE; held until the driver has recovered
     episode_left_s: Array  # (n,) positive while the steering is frozen
     recovery_left_s: Array  # (n,) positive while a past episode is still the cause of what happens
@@ -136,6 +147,8 @@ class DriverNumbers(NamedTuple):
     damping: float
     tight_gain: float
     noise_time: float
+    jitter_gain: float  # rad, of unrest minus its slow part
+    jitter_keep: float  # of both from step to step
     steer_lag: float
     steer_rate_most: float
     steer_most: float
@@ -156,19 +169,23 @@ class DriverNumbers(NamedTuple):
     understeer: float  # K_u / L
     wheelbase: float
     noise_scale: Array  # (16,) disturbance in m/s² per metre of SDLP at 0, 4, … 60 m/s
+    jitter_lateral: Array  # (16,) SDLP in m that the jitter makes by itself
     preview: Array  # (16,) s ahead at which the driver reads curvature and the wanted line
 
 
 def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
     """The kernel's view of a population of drivers in a vehicle."""
     speeds = np.arange(_TABLE_SPEEDS) * TABLE_SPEED_STEP_MPS
-    scale = [1.0 / unit_sd(driver, vehicle, max(float(v), driver.slow_mps)) for v in speeds]
+    keep = math.exp(-STEP_S / driver.jitter_time_s)
+    parts = [lateral_sds(driver, vehicle, max(float(v), driver.slow_mps)) for v in speeds]
     preview = [max(driver.steer_lag_s + response_delay(vehicle, max(float(v), 1.0)), 0.0) for v in speeds]
     return DriverNumbers(
         bandwidth=driver.bandwidth_rps,
         damping=driver.damping,
         tight_gain=driver.tight_gain,
         noise_time=driver.noise_time_s,
+        jitter_gain=driver.jitter_sd_rad / quick_sd(keep),
+        jitter_keep=keep,
         steer_lag=driver.steer_lag_s,
         steer_rate_most=driver.steer_rate_most_rps,
         steer_most=driver.steer_most_rad,
@@ -188,34 +205,52 @@ def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
         startle=driver.startle_s,
         understeer=vehicle.understeer / vehicle.wheelbase_m,
         wheelbase=vehicle.wheelbase_m,
-        noise_scale=np.array(scale),
+        noise_scale=np.array([1.0 / slow for slow, _ in parts]),
+        jitter_lateral=np.array([driver.jitter_sd_rad * quick for _, quick in parts]),
         preview=np.array(preview),
     )
 
 
-def unit_sd(driver: Driver, vehicle: Vehicle, speed_mps: float) -> float:
-    """SDLP in m that a disturbance of standard deviation 1 m/s² makes (Lyapunov equation of the closed loop).
+def lateral_sds(driver: Driver, vehicle: Vehicle, speed_mps: float) -> tuple[float, float]:
+    """SDLP in m that a disturbance of 1 m/s², and that jitter of 1 rad makes (standard deviations).
 
-    State (v_y, γ, d, e, δ, n): the vehicle, its offset and heading, the steer and the disturbance.
-    Raises ValueError where the loop of driver and vehicle is not stable.
+    From the Lyapunov equation of the closed loop, state (v_y, γ, d, e, δ, n, m): the vehicle, its offset and
+    heading, the steer, a disturbance or jitter, and the slow part of the latter. Raises ValueError where the
+    loop of driver and vehicle is not stable.
     """
     v, w, T = speed_mps, driver.bandwidth_rps, driver.steer_lag_s
-    F = np.zeros((6, 6))
+    F = np.zeros((7, 7))
     A, B = single_track(vehicle, v)
     F[:2, :2], F[:2, 4] = A, B[:, 0]
     F[2, 0], F[2, 3], F[3, 1] = 1.0, v, 1.0
     rate = 2.0 * driver.damping * w
     steer = (vehicle.wheelbase_m + vehicle.understeer * v**2) / v**2 / T
-    F[4] = steer * np.array([-rate, 0.0, -(w**2), -rate * v, 0.0, 1.0])
-    F[4, 4], F[5, 5] = -1.0 / T, -1.0 / driver.noise_time_s
+    F[4, :5] = steer * np.array([-rate, 0.0, -(w**2), -rate * v, 0.0])
+    F[4, 4] = -1.0 / T
+    F[5, 5] = F[6, 6] = -1.0 / driver.noise_time_s
     if np.linalg.eigvals(F).real.max() >= 0.0:
         raise ValueError(
             f"bandwidth_rps = {w}, damping = {driver.damping}, steer_lag_s = {T}: lane keeping is unstable"
             f" at {v:.0f} m/s; a smaller bandwidth_rps or steer_lag_s is needed"
         )
-    Q = np.zeros((6, 6))
-    Q[5, 5] = 2.0 / driver.noise_time_s
-    return math.sqrt(solve_continuous_lyapunov(F, -Q)[2, 2])
+    slow, quick = F.copy(), F.copy()
+    slow[4, 5] = steer
+    quick[:2, 5:] = math.sqrt(2.0) * B @ np.array([[1.0, -1.0]])  # half of the variance is quick
+    quick[5, 5] = quick[6, 6] = -1.0 / driver.jitter_time_s
+    quick[6, 5] = 1.0 / driver.jitter_time_s
+    Q = np.zeros((7, 7))
+    Q[5, 5] = 2.0
+    return (
+        math.sqrt(solve_continuous_lyapunov(slow, -Q / driver.noise_time_s)[2, 2]),
+        math.sqrt(solve_continuous_lyapunov(quick, -Q / driver.jitter_time_s)[2, 2]),
+    )
+
+
+def quick_sd(keep: float) -> float:
+    """Standard deviation of a - b for a⁺ = keep·a + √(1 - keep²)·n and b⁺ = keep·b + (1 - keep)·a."""
+    F = np.array([[keep, 0.0], [1.0 - keep, keep]])
+    P = solve_discrete_lyapunov(F, np.diag([1.0 - keep**2, 0.0]))
+    return math.sqrt(P[0, 0] + P[1, 1] - 2.0 * P[0, 1])
 
 
 def response_delay(vehicle: Vehicle, speed_mps: float) -> float:
@@ -284,6 +319,8 @@ def attentive(traits: Traits) -> Mind:
 
     return Mind(
         noise=zeros(),
+        unrest=zeros(),
+        calm=zeros(),
         cause=np.zeros(n, np.int8),
         episode_left_s=zeros(),
         recovery_left_s=zeros(),

@@ -13,6 +13,7 @@ STEP_S = 0.1
 RECOVERY_S = 5.0  # an episode counts as the cause of what follows at most so long
 RECOVERED_M = 0.3  # and no longer once the vehicle is so near its line
 _TABLE_SPEED_STEP_MPS = 4.0
+_UNREST_STREAM = 2**40  # beyond all counters of the noise
 
 
 @kernel
@@ -96,6 +97,7 @@ def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-d
 def restart(mind, traits, i):  # type: ignore[no-untyped-def]
     """The driver is on the line and attentive; what lies ahead (waiting times, counters) stays."""
     mind.noise[i] = 0.0
+    mind.unrest[i] = mind.calm[i] = 0.0
     mind.cause[i] = 0
     mind.signal[i] = 0
     mind.episode_left_s[i] = 0.0
@@ -166,6 +168,16 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
     mind.steps[i] += 1
     kick = math.sqrt(1.0 - decay * decay) * normal(traits.noise_key[i], mind.steps[i])
     return decay * mind.noise[i] + kick
+
+
+@kernel
+def unrest(mind, traits, i, keep):  # type: ignore[no-untyped-def]
+    """The next value of vehicle i's quick unrest (not yet scaled); to be called after `attend`."""
+    # the noise stream counts steps from 1 up, the unrest has its own half of the counter
+    kick = math.sqrt(1.0 - keep * keep) * normal(traits.noise_key[i], mind.steps[i] + _UNREST_STREAM)
+    mind.calm[i] += (1.0 - keep) * (mind.unrest[i] - mind.calm[i])
+    mind.unrest[i] = keep * mind.unrest[i] + kick
+    return mind.unrest[i] - mind.calm[i]
 
 
 @kernel

@@ -6,7 +6,7 @@ Road frame: d left of the path, e = heading minus the path's heading; ḋ = v si
 import math
 
 from sumo_net.compile import kernel
-from sumo_net.driver_kernels import STEP_S, at_speed, attend, correction, profile, tightness
+from sumo_net.driver_kernels import STEP_S, at_speed, attend, correction, profile, tightness, unrest
 from sumo_net.vehicle import derivatives
 
 SUBSTEPS = 10
@@ -120,7 +120,7 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
     steer_move_most = c.steer_rate_most * h
     for i in range(len(motion.offset_m)):
         x = (motion.offset_m[i], motion.heading_rad[i], motion.lateral_speed_mps[i], motion.yaw_rate_rps[i])
-        steer = motion.steer_rad[i]
+        steer = motion.steer_rad[i] - c.jitter_gain * (mind.unrest[i] - mind.calm[i])  # the driver's own
         v_old, v_new = drive.speed_before_mps[i], drive.speed_after_mps[i]
         k_old, k_new = drive.curvature_before_1pm[i], drive.curvature_after_1pm[i]
         look_old, look_new = drive.preview_before_1pm[i], drive.preview_after_1pm[i]
@@ -145,7 +145,11 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         mind.noise[i] = noise_new
         frozen = mind.episode_left_s[i] > 0.0
         held, drift_error = mind.held_steer_rad[i], mind.drift_mps2[i]
-        scale = traits.sd_m[i] * at_speed(c.noise_scale, v_mean)  # m/s² of disturbance
+        jitter_old = jitter_end = c.jitter_gain * (mind.unrest[i] - mind.calm[i])
+        jitter_change = c.jitter_gain * unrest(mind, traits, i, c.jitter_keep) - jitter_old
+        # What the jitter leaves of the driver's SDLP is the slow disturbance's
+        slow_sd = math.sqrt(max(traits.sd_m[i] ** 2 - at_speed(c.jitter_lateral, v_mean) ** 2, 0.0))
+        scale = slow_sd * at_speed(c.noise_scale, v_mean)  # m/s² of disturbance
         preview = at_speed(c.preview, v_mean)
         target, elapsed, duration = traits.offset_m[i], mind.change_elapsed_s[i], mind.change_duration_s[i]
         start, start_rate, start_rate2 = (
@@ -189,7 +193,10 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
                 asked = steer_per_curvature * min(max(look + back * per_square, -most), most)
             asked = min(max(asked, -steer_most), steer_most)
             move = min(max(steer_share * (asked - steer), -steer_move_most), steer_move_most)
-            x = runge_kutta(x, steer, steer + move, stretch * v, stretch * v_end, k, k_end, h, p)
+            jitter, jitter_end = jitter_end, jitter_old + end * jitter_change
+            x = runge_kutta(
+                x, steer + jitter, steer + move + jitter_end, stretch * v, stretch * v_end, k, k_end, h, p
+            )
             steer += move
             elapsed += h * min(1.0, v * per_slow)
 
@@ -201,5 +208,5 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
             x = guided(x, line, k_new, stretch * v_new, guide, p)
         motion.offset_m[i], motion.heading_rad[i] = x[0], x[1]
         motion.lateral_speed_mps[i], motion.yaw_rate_rps[i] = x[2], x[3]
-        motion.steer_rad[i] = steer
+        motion.steer_rad[i] = steer + jitter_end
         motion.along_mps[i] = v_new

@@ -21,6 +21,7 @@ STILL = QUIET | {
     "alert_sd_least_m": 0.0,
     "alert_sd_most_m": 0.0,
     "offset_sd_m": 0.0,
+    "jitter_sd_rad": 0.0,
 }
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import welch
 
 from sumo_net.driver import (
     DISTRACTION,
@@ -14,8 +15,8 @@ from sumo_net.driver import (
     SIGNALLED_CHANGE,
     UNSIGNALLED_CHANGE,
     Driver,
+    lateral_sds,
     traits,
-    unit_sd,
 )
 from sumo_net.driver_kernels import profile, shift_line
 from sumo_net.settings import SettingsError, read
@@ -79,7 +80,7 @@ def test_a_bend_is_neither_cut_nor_run_wide(kmh: float, radius_m: float) -> None
 
 def test_an_unstable_loop_of_driver_and_vehicle_is_refused() -> None:
     with pytest.raises(ValueError, match=r"bandwidth_rps = 2.0.*unstable"):
-        unit_sd(Driver(bandwidth_rps=2.0, damping=0.1, steer_lag_s=1.0), VEHICLE, 30.0)
+        lateral_sds(Driver(bandwidth_rps=2.0, damping=0.1, steer_lag_s=1.0), VEHICLE, 30.0)
 
 
 # --- lane changes
@@ -164,7 +165,7 @@ def test_signals_by_the_drivers_own_habit() -> None:
 
 def test_glances_last_as_long_and_come_as_often_as_set() -> None:
     driver = Driver(sleepy_share=0.0, distraction_per_min=4.0, drift_sd_mps2=0.0, alert_sd_least_m=0.0)
-    driver = Driver(**{**vars(driver), "alert_sd_most_m": 0.0})
+    driver = Driver(**{**vars(driver), "alert_sd_most_m": 0.0, "jitter_sd_rad": 0.0})
     bench = Bench(driver, 400, 30.0)
     begun, frozen_s, held_ok = 0, 0.0, True
     for _ in range(1200):
@@ -196,6 +197,16 @@ def test_microsleeps_are_for_the_sleepy_and_last_3_to_15_s() -> None:
     assert len(lengths) > 100
     assert 3.0 <= min(lengths) < 4.0
     assert 14.0 < max(lengths) <= 15.0
+
+
+def test_steering_is_as_restless_as_on_a_recorded_freeway_drive() -> None:
+    # comma2k19: 0.24° RMS between 1 and 3 Hz at the steering wheel, 0.27 mrad at the front wheels (ratio 15.3)
+    bench = Bench(Driver(sleepy_share=0.0, **QUIET), 100, 30.0)
+    steer = np.array([(bench.step(), bench.motion.steer_rad.copy())[1] for _ in range(1200)])
+    frequency, density = welch(steer[200:], fs=10.0, nperseg=256, axis=0)
+    band = (frequency >= 1.0) & (frequency < 3.0)
+    rms = np.sqrt(np.trapezoid(density[band].mean(axis=1), frequency[band]))
+    assert rms == pytest.approx(0.27e-3, rel=0.1)
 
 
 def test_after_an_episode_the_way_back_is_smooth() -> None:
