@@ -200,7 +200,7 @@ def test_microsleeps_are_for_the_sleepy_and_last_3_to_15_s() -> None:
 
 
 def test_steering_is_as_restless_as_on_a_recorded_freeway_drive() -> None:
-    # comma2k19: 0.24° RMS between 1 and 3 Hz at the steering wheel, 0.27 mrad at the front wheels (ratio 15.3)
+    # comma2k19: 0.24° RMS between 1 and 3 Hz at the steering wheel, 0.27 mrad at the wheels (ratio 15.3)
     bench = Bench(Driver(sleepy_share=0.0, **QUIET), 100, 30.0)
     steer = np.array([(bench.step(), bench.motion.steer_rad.copy())[1] for _ in range(1200)])
     frequency, density = welch(steer[200:], fs=10.0, nperseg=256, axis=0)
