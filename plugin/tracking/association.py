@@ -1,8 +1,8 @@
 """Which detection belongs to which track: gate and global nearest neighbour, all vehicles at once.
 
 A pair in the gate whose track and detection both have no other candidate is taken as it is. All the others,
-of all vehicles, form one sparse assignment problem that falls apart into small blocks by itself; scipy
-solves it in one call.
+of all vehicles, form one sparse assignment problem that falls apart into small blocks; scipy solves it in
+calls of some hundred tracks each (its time grows with the square of their number).
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 from plugin.tracking.detections import Array
 
 NONE = -1
+_TRACKS_A_CALL = 400
 
 
 def assign(
@@ -21,7 +22,8 @@ def assign(
 
     Parameters
     ----------
-    track, detection, distance : (E,) arrays, the pairs inside the gate and their squared distance.
+    track, detection, distance : (E,) arrays, the pairs inside the gate, sorted by track, and their squared
+        distance.
     cost_unassigned : (tracks,) array, the cost of leaving a track without detection; at least the gate, so
         that no pair in the gate is left out where nothing competes. The track with the larger cost goes first
         where two compete.
@@ -33,6 +35,28 @@ def assign(
     if alone.all():
         return chosen
     track, detection, distance = track[~alone], detection[~alone], distance[~alone]
+    begin = 0
+    for end in _ends(track, detection):
+        part = slice(begin, end)
+        _assign_block(track[part], detection[part], distance[part], cost_unassigned, chosen)
+        begin = end
+    return chosen
+
+
+def _ends(track: Array, detection: Array) -> Array:
+    """Where to cut the pairs, sorted by track, no track or detection being on both sides of a cut."""
+    before = np.maximum.accumulate(detection)[:-1]
+    after = np.minimum.accumulate(detection[::-1])[::-1][1:]
+    cuts = np.append(np.flatnonzero((before < after) & (track[:-1] != track[1:])) + 1, len(track))
+    first = np.concatenate([[True], track[1:] != track[:-1]])
+    call = np.cumsum(first)[cuts - 1] // _TRACKS_A_CALL
+    return cuts[np.append(call[1:] != call[:-1], True)]
+
+
+def _assign_block(
+    track: Array, detection: Array, distance: Array, cost_unassigned: Array, chosen: Array
+) -> None:
+    """Solve one block and write its detections into `chosen`."""
     rows, row = np.unique(track, return_inverse=True)
     columns, column = np.unique(detection, return_inverse=True)
     # Every track may also take a column of its own: "no detection". 1 keeps every weight off zero, which a
@@ -48,4 +72,3 @@ def assign(
     matched_row, matched_column = min_weight_full_bipartite_matching(weights)
     real = matched_column < len(columns)
     chosen[rows[matched_row[real]]] = columns[matched_column[real]]
-    return chosen

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
+from plugin.tracking import association
 from plugin.tracking.association import assign
 from plugin.tracking.association_kernels import gate_pairs
 
@@ -81,6 +82,18 @@ def test_exact_hits_are_assigned() -> None:
     """A distance of 0 in a conflict is an edge like any other."""
     track, detection = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
     assert assign(track, detection, np.array([0.0, 5.0, 5.0, 0.0]), 2, 2, np.full(2, GATE)).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("call", [1, 3, 1000])
+def test_the_cuts_of_the_problem_change_nothing(monkeypatch: pytest.MonkeyPatch, call: int) -> None:
+    rng, vehicles = np.random.default_rng(7), 40
+    track_owner, owner, z_pred, S, z = fleet(rng, vehicles, 6.0)
+    found = pairs(track_owner, owner, z_pred, S, z, vehicles)
+    cost = np.full(len(z_pred), GATE)
+    whole = association.assign(*found, len(z_pred), len(z), cost)
+    assert len(np.unique(found[0])) > 50
+    monkeypatch.setattr(association, "_TRACKS_A_CALL", call)
+    np.testing.assert_array_equal(association.assign(*found, len(z_pred), len(z), cost), whole)
 
 
 def test_nothing_to_assign() -> None:
