@@ -15,7 +15,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from analysis.metrics import CATEGORIES, paired_gain, prediction_errors, summary
-from analysis.simulate import simulate
+from analysis.simulate import settings_of, simulate
 from plugin.record import read_table
 
 CONDITIONS = ("clear", "complex")
@@ -49,12 +49,15 @@ def evaluate(
 ) -> pd.DataFrame:
     """Run `scenario` for every seed and condition, print measured against wanted, write `evaluation.csv`.
 
-    Returns that table: condition, figure, measured, wanted, reached.
+    Returns that table: condition, figure, measured, wanted, reached. Raises SettingsError before any run.
     """
+    seeds = list(seeds)
+    settings_of(scenario, duration_s=duration_s, fraction=fraction)
     jobs = [(condition, seed) for condition in CONDITIONS for seed in seeds]
     context = multiprocessing.get_context("spawn")
+    terminal = Console(stderr=True)
     with (
-        Progress(transient=True) as progress,
+        Progress(transient=True, console=terminal, disable=not terminal.is_terminal) as progress,
         concurrent.futures.ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool,
     ):
         task = progress.add_task("runs", total=len(jobs))
@@ -68,7 +71,7 @@ def evaluate(
     results = []
     console = Console(highlight=False)
     for condition in CONDITIONS:
-        tables = {name: _gather(out / condition, name) for name in TABLES}
+        tables = {name: _gather(out / condition, seeds, name) for name in TABLES}
         results.append(judge(tables, condition))
         detail = by_category(tables)
         detail.to_csv(out / f"predictions_{condition}.csv", index=False)
@@ -146,8 +149,8 @@ def _one(scenario: str, out: Path, seed: int, duration_s: float, fraction: float
     )
 
 
-def _gather(directory: Path, name: str) -> pd.DataFrame:
-    return pd.concat([read_table(run, name) for run in sorted(directory.iterdir())], ignore_index=True)
+def _gather(directory: Path, seeds: Iterable[int], name: str) -> pd.DataFrame:
+    return pd.concat([read_table(directory / str(seed), name) for seed in seeds], ignore_index=True)
 
 
 def _print(results: pd.DataFrame, condition: str) -> Table:

@@ -85,6 +85,7 @@ def detect(
         raise SettingsError(f"speed_mps = {speed_mps}: must be 0 to 100")
     calibrated = camera if isinstance(camera, Camera) else _read_camera(Path(camera))
     footage = open_footage(source)
+    next(frames(footage), None)  # where not even the first can be read, nothing is written
     directory = Path(out)
     try:
         directory.mkdir(parents=True, exist_ok=True)

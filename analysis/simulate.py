@@ -120,4 +120,5 @@ def _progress(console: Console) -> Progress:
         TextColumn("{task.fields[vehicles]} equipped"),
         TimeRemainingColumn(),
     )
-    return Progress(*columns, console=console, transient=True, disable=console.quiet)
+    hidden = console.quiet or not console.is_terminal
+    return Progress(*columns, console=console, transient=True, disable=hidden)

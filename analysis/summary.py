@@ -100,14 +100,15 @@ def _predictions(f: dict[str, float]) -> Table:
 
 
 def _tlc(f: dict[str, float], name: str) -> str:
-    median, p95 = f[f"{name}_error_median_s"], f[f"{name}_error_p95_s"]
-    return f"median {_number(median)} s, 95th percentile {_number(p95)} s"
+    median, p95 = (
+        "not foreseen" if math.isinf(value) else f"{_number(value)} s"
+        for value in (f[f"{name}_error_median_s"], f[f"{name}_error_p95_s"])
+    )
+    return f"median {median}, 95th percentile {p95}"
 
 
 def _number(value: float, decimals: int = 2) -> str:
-    if math.isnan(value):
-        return "–"
-    return "none" if math.isinf(value) else f"{value:.{decimals}f}"
+    return "–" if math.isnan(value) else f"{value:.{decimals}f}"
 
 
 def _share(value: float) -> str:
