@@ -44,7 +44,7 @@ class Refine:
     noise_factor: float = Field(2.5, ge=0, description="least response over its standard deviation by noise")
     pitch_std_rad: float = Field(0.002, ge=0, description="of the vehicle's pitch against the calibration")
     pitch_time_s: float = Field(0.3, gt=0, description="correlation time of that")
-    bend_std_1pm: float = Field(3e-4, gt=0, description="change of curvature over 15 m of unseen road")
+    bend_std_1pm: float = Field(6e-4, gt=0, description="change of curvature over 15 m of unseen road")
     confirm_frames: int = Field(2, ge=0, description="frames that must follow a weak start")
     patience_frames: int = Field(15, ge=0, description="frames in a row without the lane until it is lost")
     one_sided_frames: int = Field(80, ge=0, description="frames with one border only until the lane is lost")
@@ -93,10 +93,12 @@ class Tuning(NamedTuple):
     reach_m: float = 0.12  # and this much more
     reach_px: float = 2.5
     furthest_aside_m: float = 1.2  # but not as far as the next lane's lines
+    unsure_m: float = 0.5  # a standard deviation beyond which a row is not looked at
+    bend_slope: float = 0.3  # and how much of the change from the one before goes on
     bend_keep: float = 0.95  # of the last knot's curvature in a new one
     least_rows: int = 4
     least_share: float = 0.1
-    lock_rows: int = 24
+    lock_rows: int = 16
     neighbour_share: float = 0.2
     next_std: float = 0.25  # of a neighbouring lane's width against the own lane's
     next_keep: float = 0.97

@@ -232,7 +232,9 @@ def gather(frame, x, phase, rows, p, t, noise, work):  # type: ignore[no-untyped
                 )
                 + t.reach_px
             )
-            if column > -half and column < width + half:
+            # where the prediction hardly tells one line from the next, a ridge would mislead
+            sure = line_spread(side, r, scale, work) < t.unsure_m * scale + 1.0
+            if sure and column > -half and column < width + half:
                 if r + 1 < rows.shape[0] and not math.isnan(work.border[side, r + 1, 0]):
                     lean = (work.border[side, r + 1, 0] - column) / (rows[r + 1] - rows[r])
                 work.ridges[side, r] = candidates(

@@ -114,14 +114,12 @@ def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
     for j in range(KNOT, last):
         for i in range(STATES):
             P[j, i] = P[j + 1, i]
-    for i in range(STATES):
-        P[last, i] = P[last - 1, i]
-    for i in range(STATES):
-        P[i, last] = P[i, last - 1]
-    x[last] *= t.bend_keep
-    P[last, :] *= t.bend_keep
-    P[:, last] *= t.bend_keep
-    P[last, last] += t.bend_std * t.bend_std
+    # a clothoid goes on as a clothoid, and every road becomes straight again
+    g1, g2 = t.bend_keep + t.bend_slope, -t.bend_slope
+    x[last] = g1 * x[last - 1] + g2 * x[last - 2]
+    P[last, :] = g1 * P[last - 1] + g2 * P[last - 2]
+    P[:, last] = g1 * P[:, last - 1] + g2 * P[:, last - 2]
+    P[last, last] = g1 * P[last, last - 1] + g2 * P[last, last - 2] + t.bend_std * t.bend_std
 
 
 @kernel
@@ -180,6 +178,25 @@ def side_seen(found, expected, t):  # type: ignore[no-untyped-def]
     return found >= t.least_rows and found >= t.least_share * expected
 
 
+@kernel
+def support_of(work):  # type: ignore[no-untyped-def]
+    """Rows that speak for a lane; both borders count, the weaker one decides."""
+    left, _ = tally(work, LEFT)
+    right, _ = tally(work, RIGHT)
+    return min(left, 3 * right) + min(right, 3 * left)
+
+
+@kernel
+def second_look(status, age, misses):  # type: ignore[no-untyped-def]
+    """Whether to compare the lane that is followed with one that is sought anew.
+
+    Soon after a start, which may have been wrong, now and then later, and while the lane is not seen.
+    """
+    if status == TENTATIVE or age == 2 or age == 5 or age == 12 or age == 25:
+        return True
+    return age % 50 == 0 or (misses > 0 and misses % 4 == 0)
+
+
 class Room(NamedTuple):
     """Work space of a start."""
 
@@ -192,6 +209,8 @@ class Room(NamedTuple):
     trial: Array
     predicted: Array
     chosen: Array
+    x: Array
+    P: Array
     covariance: Array
     kept: Array
     found: Array
@@ -211,6 +230,8 @@ def room_for(rows):  # type: ignore[no-untyped-def]
         np.zeros(STATES),
         np.zeros(STATES),
         np.zeros(STATES),
+        np.zeros(STATES),
+        np.zeros((STATES, STATES)),
         np.zeros((STATES, STATES)),
         np.zeros((STATES, STATES)),
         np.zeros((LINES, rows), np.bool_),
@@ -274,8 +295,7 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
             continue
         if not plausible(trial, t) or abs(trial[OFFSET]) > 0.5 * trial[WIDTH] + 0.3:
             continue
-        # both borders count: the weaker one decides
-        support = min(found_left, 3 * found_right) + min(found_right, 3 * found_left)
+        support = support_of(work)
         if support > best and invert(work.information, work.factor, room.covariance):
             best = support
             room.chosen[:] = trial
@@ -367,12 +387,9 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
                     new.found[i, side] = share
                     usual = new.share[i, side]
                     new.share[i, side] = usual + (0.3 if share > usual else 0.02) * (share - usual)
-                if status == TENTATIVE:
-                    if not (seen_left and seen_right):
-                        status = SEARCHING
-                    elif age >= t.confirm_frames:
-                        status = LOCKED
-                if misses > t.patience_frames:
+                if status == TENTATIVE and seen_left and seen_right and age >= t.confirm_frames:
+                    status = LOCKED
+                if misses > (t.patience_frames if status == LOCKED else t.confirm_frames):
                     status = SEARCHING
             else:
                 seen_left, seen_right = False, False
@@ -381,6 +398,15 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
                 misses += 1
                 if status == TENTATIVE or misses > t.patience_frames or not plausible(x, t):
                     status = SEARCHING
+        seen_m = farthest_found(rows, x, p, work) if seen_left or seen_right else 0.0
+        if status != SEARCHING and second_look(status, age, misses):
+            support = support_of(work) if seen_left or seen_right else 0
+            fresh = start(frames[i], left[i], right[i], False, rows, p, t, work, room, room.x, room.P)
+            if fresh > 1.3 * support + 4:
+                x[:], P[:, :], phase = room.x, room.P, 0.0
+                misses, seen_left, seen_right = 0, True, True
+                if fresh >= t.lock_rows:
+                    status = LOCKED
         one_sided = 0 if seen_left and seen_right else old.one_sided[i] + 1
         if one_sided > t.one_sided_frames:
             status = SEARCHING
@@ -391,7 +417,6 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
             new.share[i, :] = 0.0
             x[:] = 0.0
             P[:, :] = 0.0
-        seen_m = farthest_found(rows, x, p, work) if seen_left or seen_right else 0.0
         new.reach_m[i] = max(seen_m, 0.9 * old.reach_m[i]) if status != SEARCHING else 0.0
         trace(x, phase, work.node)
         _report(i, x, phase, status, seen_left, seen_right, shift, p, t, work.node, new, out)
