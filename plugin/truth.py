@@ -23,6 +23,7 @@ STEP_S = 0.1
 _HORIZON_STEPS = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64)
 _JUMP_M = 1.0  # a larger change of the lane offset in one step is a change of the lane it refers to
 _STEP_COLUMNS = tuple(column.name for column in TABLES["steps"])
+_MOVED_M = 1.5  # so far from where it would have driven to, a vehicle was moved
 PREDICTORS = ("predicted", "constant_velocity", "constant_radius", "true_state")
 
 
@@ -261,9 +262,16 @@ def labelled(codes: Array, labels: Sequence[str]) -> pa.Array:
 
 
 def _follows(rows: dict[str, Array]) -> Array:
-    """Whether a row is the step right after the one before it, of the same vehicle."""
+    """Whether a row is the step right after the one before it, of the same vehicle, and was driven to.
+
+    A vehicle that was moved (by the user, or SUMO's teleport) begins anew: nothing is scored across that.
+    """
     follows = np.zeros(len(rows["handle"]), dtype=bool)
     follows[1:] = (np.diff(rows["handle"]) == 0) & (np.diff(rows["step"]) == 1)
+    driven = STEP_S * rows["speed_mps"][1:]
+    dx = np.diff(rows["x_m"]) - driven * np.cos(rows["world_heading_rad"][1:])
+    dy = np.diff(rows["y_m"]) - driven * np.sin(rows["world_heading_rad"][1:])
+    follows[1:] &= np.hypot(dx, dy) < _MOVED_M
     return follows
 
 
