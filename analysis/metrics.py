@@ -16,6 +16,7 @@ ERRORS = {
     "constant_velocity": "constant_velocity_lateral_error_m",
     "constant_radius": "constant_radius_lateral_error_m",
 }
+STRADDLING_M = 0.4  # so near a border either of its lanes may be meant
 SIGNALLED = "lane_change_signalled"
 
 
@@ -41,26 +42,35 @@ def lane_accuracy(steps: pd.DataFrame) -> dict[str, float]:
     marked = steps[steps["on_marked_road"].fillna(False)]
     judged = marked["recognised"].notna()
     locked = marked[marked["lane_locked"].fillna(False)]
-    # the lane that the camera means may differ from the true one only while the vehicle straddles a border
-    same = locked[(locked["lateral_offset_m"] - locked["true_lateral_offset_m"]).abs() < 1.0]
+    offset_error = _offset_error(locked)
     result = {
         "recognition_rate": _mean(marked.loc[judged, "recognised"]),
         "paper_recognition_rate": _mean(marked["paper_recognised"].dropna()),
         "locked_rate": _mean(marked["lane_locked"].fillna(False)),
-        "other_lane_rate": 1.0 - len(same) / len(locked) if len(locked) else np.nan,
+        "other_lane_rate": _mean(offset_error.abs() >= 1.0),
+        "lateral_offset_rmse_m": _root_mean_square(offset_error),
     }
     for name, estimate, truth in (
-        ("lateral_offset_rmse_m", "lateral_offset_m", "true_lateral_offset_m"),
         ("heading_rmse_rad", "heading_error_rad", "true_heading_error_rad"),
         ("curvature_rmse_1pm", "curvature_1pm", "true_curvature_1pm"),
         ("lateral_speed_rmse_mps", "lateral_speed_mps", "true_lateral_speed_mps"),
         ("yaw_rate_rmse_rps", "yaw_rate_rps", "true_yaw_rate_rps"),
         ("steer_rmse_rad", "steer_rad", "true_steer_rad"),
     ):
-        result[name] = (
-            float(np.sqrt(np.nanmean(np.square(same[estimate] - same[truth])))) if len(same) else np.nan
-        )
+        result[name] = _root_mean_square(locked[estimate] - locked[truth])
     return result
+
+
+def _offset_error(locked: pd.DataFrame) -> pd.Series:
+    """Estimate minus truth; of a vehicle that straddles a border, with respect to the lane that is meant.
+
+    Which of its two lanes the offset refers to is then open: truth changes over when the centre of gravity
+    crosses. Anywhere else an offset in another lane is an error of its full size.
+    """
+    error = locked["lateral_offset_m"] - locked["true_lateral_offset_m"]
+    width = locked["lane_width_m"]
+    straddles = locked["true_lateral_offset_m"].abs() > 0.5 * width - STRADDLING_M
+    return error.where(~(straddles & (error.abs() > 0.5 * width)), error - np.sign(error) * width)
 
 
 def prediction_errors(predictions: pd.DataFrame, steps: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -196,6 +206,10 @@ def summary(
 def _mean(values: Iterable[bool]) -> float:
     array = np.asarray(list(values), dtype=float)
     return float(array.mean()) if len(array) else float("nan")
+
+
+def _root_mean_square(values: pd.Series) -> float:
+    return float(np.sqrt(np.square(values).mean()))  # NaN where nothing is known
 
 
 def _quantile(values: pd.Series, q: float) -> float:
