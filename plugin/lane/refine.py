@@ -103,6 +103,7 @@ class Tuning(NamedTuple):
     next_std: float = 0.25  # of a neighbouring lane's width against the own lane's
     next_keep: float = 0.97
     outside_m: float = 1.2  # how far beyond a border the centre of gravity may be
+    start_heading_std: float = 0.02
     jump_m: float = 0.5
     jump_rad: float = 0.03
 

@@ -17,6 +17,7 @@ from plugin.lane.acquire import (
     vote,
 )
 from plugin.lane.refine_fit import (
+    cholesky,
     farthest_found,
     fit,
     gather,
@@ -24,6 +25,7 @@ from plugin.lane.refine_fit import (
     odds_of_paint,
     place_borders,
     predict_spread,
+    solve,
     tally,
     workspace,
 )
@@ -187,6 +189,21 @@ def support_of(work):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def lean_to_lane(predicted, t, work, scratch):  # type: ignore[no-untyped-def]
+    """Add to the prior that a car mostly drives along its lane: heading 0 ± start_heading_std."""
+    for i in range(STATES):
+        scratch[i] = 0.0
+        for j in range(STATES):
+            scratch[i] += work.prior[i, j] * predicted[j]
+    work.prior[HEADING, HEADING] += 1.0 / (t.start_heading_std * t.start_heading_std)
+    if not cholesky(work.prior, work.factor):
+        return False
+    solve(work.factor, scratch)
+    predicted[:] = scratch
+    return True
+
+
+@kernel
 def second_look(status, age, misses):  # type: ignore[no-untyped-def]
     """Whether to compare the lane that is followed with one that is sought anew.
 
@@ -278,6 +295,8 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
         if not invert(P, work.factor, work.prior):
             continue
         predict_spread(trial, P, 0.0, rows, p, t, work)
+        if not lean_to_lane(predicted, t, work, room.x):
+            continue
         noise = pixel_noise(frame, rows, work)
         gather(frame, trial, 0.0, rows, p, t, noise, work)
         if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 6, work):
