@@ -133,7 +133,10 @@ def shift_lane(x, P, side, t):  # type: ignore[no-untyped-def]
     """
     near, other = (NEXT_LEFT, NEXT_RIGHT) if side > 0 else (NEXT_RIGHT, NEXT_LEFT)
     half = 0.5 * side
-    x[OFFSET] -= half * (x[WIDTH] + x[near])
+    aside = half * (x[WIDTH] + x[near])
+    x[OFFSET] -= aside
+    for j in range(KNOT, KNOT + KNOTS):
+        x[j] /= 1.0 - x[j] * aside  # the new centre line is an arc about the same centre
     x[other], x[WIDTH] = x[WIDTH], x[near]
     for j in range(STATES):
         P[OFFSET, j] -= half * (P[WIDTH, j] + P[near, j])
