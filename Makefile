@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test lint format evaluate clean
+.PHONY: demo test lint format evaluate bench clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/sumo-adas run highway --out out/demo --seed 1
@@ -24,6 +24,9 @@ format: $(VENV)/.dev
 
 evaluate: $(VENV)/.runtime
 	$(BIN)/sumo-adas evaluate --out out/evaluation
+
+bench: $(VENV)/.runtime
+	$(BIN)/python benchmarks/camera_chain.py --out out/benchmark.json
 
 clean:
 	rm -rf out build dist *.egg-info
