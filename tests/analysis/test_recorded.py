@@ -1,0 +1,179 @@
+"""`detect` on drawn and on real footage."""
+
+import csv
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from analysis import recorded
+from analysis.calibrate import propose
+from analysis.footage import FootageError, frames, open_footage
+from analysis.recorded import LANE_COLUMNS, detect
+from camera_synth.camera import Camera
+from sumo_net.settings import SettingsError
+from tests.plugin.drawn_road import draw
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "udacity_lane_lines"
+real = pytest.mark.skipif(not DATA.is_dir(), reason="no recorded data here")
+
+
+def table(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def points_of(directory):
+    """{frame: {side: (N, 2) x and array row}}"""
+    found = {}
+    for row in table(directory / "points.csv"):
+        sides = found.setdefault(int(row["frame"]), {"left": [], "right": []})
+        sides[row["side"]].append((float(row["x_px"]), float(row["y_px"])))
+    return {frame: {side: np.array(p) for side, p in sides.items()} for frame, sides in found.items()}
+
+
+def ridge(grey, x, row, reach=9):
+    """Column of the brightest 3 px near x where both flanks are darker, or None: no part of the tracker."""
+    line = np.convolve(grey[int(row)].astype(float), np.ones(3) / 3, mode="same")
+    lo, hi = max(int(x) - reach, 8), min(int(x) + reach + 1, 312)
+    if hi - lo < 5:
+        return None
+    k = lo + int(np.argmax(line[lo:hi]))
+    flanks = max(line[k - 8 : k - 4].min(), line[k + 5 : k + 9].min())
+    return k if line[k] - flanks > 25 else None
+
+
+def test_a_drawn_still_is_measured(tmp_path):
+    picture = tmp_path / "road.png"
+    cv2.imwrite(str(picture), draw((2.1, -1.5)))
+    detect(picture, Camera(), tmp_path / "out")
+    (row,) = table(tmp_path / "out" / "lanes.csv")
+    assert list(row) == LANE_COLUMNS
+    assert row["lane_locked"] == "1"
+    # its lane's middle is 0.3 m to the left
+    assert float(row["lateral_offset_m"]) == pytest.approx(-0.3, abs=0.05)
+    assert float(row["lane_width_m"]) == pytest.approx(3.6, abs=0.05)
+    points = points_of(tmp_path / "out")[0]
+    assert len(points["left"]) >= 10
+    assert set(np.diff(points["left"][:, 1])) == {-5.0}
+
+
+def test_a_picture_without_a_lane_gives_empty_fields(tmp_path):
+    picture = tmp_path / "grey.png"
+    cv2.imwrite(str(picture), np.full((240, 320), 90, np.uint8))
+    detect(picture, Camera(), tmp_path / "out", overlay=tmp_path / "seen.png")
+    (row,) = table(tmp_path / "out" / "lanes.csv")
+    assert row["lane_locked"] == "0"
+    assert row["left_a"] == row["lateral_offset_m"] == ""
+    assert table(tmp_path / "out" / "points.csv") == []
+    assert (tmp_path / "seen.png").exists()
+
+
+def test_a_folder_is_read_in_natural_order(tmp_path):
+    for number in (10, 2, 1):
+        cv2.imwrite(str(tmp_path / f"frame{number}.png"), np.full((240, 320), number, np.uint8))
+    assert [int(one.grey[0, 0]) for one in frames(open_footage(tmp_path))] == [1, 2, 10]
+
+
+def test_rows_are_kept_when_interrupted(tmp_path, monkeypatch):
+    for number in range(4):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), draw(seed=number))
+    looked = recorded._Refined.look
+    count = iter(range(10))
+
+    def interrupted(self, frame, fresh, looks):
+        if next(count) == 2:
+            raise KeyboardInterrupt
+        return looked(self, frame, fresh, looks)
+
+    monkeypatch.setattr(recorded._Refined, "look", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        detect(tmp_path, Camera(), tmp_path / "out")
+    assert [row["frame"] for row in table(tmp_path / "out" / "lanes.csv")] == ["0", "1"]
+
+
+def test_what_cannot_be_read_is_named_in_one_line(tmp_path):
+    (tmp_path / "broken.jpg").write_bytes(b"no image")
+    (tmp_path / "broken.mp4").write_bytes(b"no video")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "camera.toml").write_text("height_n = 1.3\n")
+    for source, message in [
+        ("missing.mp4", "no such file"),
+        ("broken.jpg", "is not an image"),
+        ("broken.mp4", "neither an image nor a video"),
+        ("empty", "holds no image"),
+    ]:
+        with pytest.raises(FootageError, match=message) as error:
+            detect(tmp_path / source, Camera(), tmp_path / "out")
+        assert "\n" not in str(error.value)
+    with pytest.raises(SettingsError, match=r"no such file"):
+        detect(tmp_path / "broken.jpg", tmp_path / "none.toml", tmp_path / "out")
+    with pytest.raises(SettingsError, match=r"height_n.*height_m"):
+        detect(tmp_path / "broken.jpg", tmp_path / "camera.toml", tmp_path / "out")
+    with pytest.raises(SettingsError, match="mode"):
+        detect(tmp_path / "broken.jpg", Camera(), tmp_path / "out", mode="other")
+
+
+def test_the_published_search_runs_on_footage(tmp_path):
+    picture = tmp_path / "road.png"
+    cv2.imwrite(str(picture), draw())
+    detect(picture, Camera(), tmp_path / "out", mode="paper")
+    (row,) = table(tmp_path / "out" / "lanes.csv")
+    assert row["lane_locked"] == "1"
+
+
+@real
+def test_every_frame_of_the_real_video_is_on_the_right_borders(tmp_path):
+    camera = propose(sorted(DATA.glob("*.jpg"))).camera
+    video = DATA / "solidWhiteRight.mp4"
+    detect(video, camera, tmp_path, overlay=tmp_path / "seen.mp4")
+    rows = table(tmp_path / "lanes.csv")
+    assert len(rows) == 221
+    assert all(row["lane_locked"] == "1" for row in rows)
+    points = points_of(tmp_path)
+    away = {"left": [], "right": []}
+    for index, one in enumerate(frames(open_footage(video))):
+        seen = {"left": 0, "right": 0}
+        for side in seen:
+            for x, row in points[index][side]:
+                column = ridge(one.grey, x, row) if row > 150 else None
+                if column is not None:
+                    seen[side] += 1
+                    away[side].append(abs(column - x))
+        # the right border is solid, the left one dashed: a dash shows in every frame
+        assert seen["right"] >= 12, index
+        assert seen["left"] >= 2, index
+        # where the ego lane's borders meet the lowest rows, picked by eye in frames 0, 100 and 200
+        assert 35 < points[index]["left"][0, 0] < 75
+        assert 265 < points[index]["right"][0, 0] < 300
+    assert np.median(away["right"]) < 1.5
+    assert np.percentile(away["right"], 95) < 4.0
+    assert np.median(away["left"]) < 2.0
+    film = cv2.VideoCapture(str(tmp_path / "seen.mp4"))
+    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 221
+    film.release()
+
+
+@real
+@pytest.mark.parametrize(
+    ("name", "left", "right"),
+    # columns of the 320x240 image at the lowest row but four, picked by eye
+    [
+        ("solidWhiteCurve", 64, 290),
+        ("solidWhiteRight", 55, 281),
+        ("solidYellowCurve", 55, 274),
+        ("solidYellowCurve2", 59, 287),
+        ("solidYellowLeft", 54, 279),
+        ("whiteCarLaneSwitch", 65, 288),
+    ],
+)
+def test_the_real_stills(tmp_path, name, left, right):
+    camera = propose(sorted(DATA.glob("*.jpg"))).camera
+    detect(DATA / f"{name}.jpg", camera, tmp_path)
+    (row,) = table(tmp_path / "lanes.csv")
+    assert row["lane_locked"] == "1"
+    assert 3.3 < float(row["lane_width_m"]) < 4.0
+    points = points_of(tmp_path)[0]
+    assert points["left"][0, 0] == pytest.approx(left, abs=6)
+    assert points["right"][0, 0] == pytest.approx(right, abs=6)
