@@ -1,0 +1,216 @@
+"""The front radar of a fleet: settings, and scans of what stands and drives around.
+
+Everything is in the vehicle's axes (ISO 8855): azimuth left of the vehicle's axis, range from the radar, range
+rate positive when opening. The radar looks straight ahead.
+"""
+
+import math
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from sumo_net.settings import settings
+from sumo_net.surroundings import Objects
+
+Array = np.ndarray[Any, Any]
+
+
+@settings
+class Beam:
+    """One part of the field of view: a sector to both sides of the vehicle's axis."""
+
+    half_angle_rad: float = Field(gt=0, le=1.4, description="to each side")
+    range_m: float = Field(gt=1, le=500, description="how far")
+
+
+LONG_RANGE = Beam(half_angle_rad=math.radians(10.0), range_m=200.0)
+MID_RANGE = Beam(half_angle_rad=math.radians(45.0), range_m=60.0)
+
+
+@settings
+class Radar:
+    """A millimetre-wave radar at the front bumper. The noise is that of the tracking source (IMM)."""
+
+    beams: tuple[Beam, ...] = Field(
+        (LONG_RANGE, MID_RANGE), min_length=1, max_length=4, description="the field of view: all of them"
+    )
+    mount_forward_m: float = Field(1.6, ge=-5, le=5, description="ahead of the centre of gravity")
+    mount_left_m: float = Field(0.0, ge=-1.5, le=1.5, description="left of the vehicle's axis")
+    minimum_range_m: float = Field(0.5, ge=0.05, le=10, description="nothing nearer is reported")
+    range_noise_m: float = Field(1.0, ge=0, le=20, description="standard deviation")
+    range_rate_noise_mps: float = Field(0.5, ge=0, le=10, description="standard deviation")
+    azimuth_noise_rad: float = Field(math.radians(0.2), ge=0, le=0.2, description="standard deviation, 0.2°")
+    snr_db: float = Field(35.0, ge=-20, le=120, description="signal to noise of 10 m² at 100 m")
+    false_alarm_probability: float = Field(
+        1e-6, gt=0, lt=0.5, description="of a cell: sets the detection probability at a given signal"
+    )
+    most_likely: float = Field(0.98, ge=0, le=1, description="detection probability of the strongest echo")
+    cross_section_per_m2: float = Field(
+        3.7, gt=0, description="radar cross-section per visible area; a car's rear of 1.8 m x 1.5 m has 10 m²"
+    )
+    least_share: float = Field(
+        0.05, ge=0, le=1, description="bodies that are hidden but for less than this share stay unseen"
+    )
+    clutter_rate: float = Field(0.3, ge=0, le=20, description="false detections a scan, mean (Poisson)")
+    clutter_rate_span_mps: float = Field(60.0, gt=0, description="their range rates lie within ± this")
+    long_body_m: float = Field(8.0, gt=0, description="bodies from this length on reflect at a second point")
+    second_reflection_m: float = Field(7.0, gt=0, description="it lies so much further along the body")
+    second_probability: float = Field(
+        0.6, ge=0, le=1, description="of being detected at the second point, where that one is in view"
+    )
+    least_hiding_m: float = Field(
+        0.3, ge=0, description="bodies shorter and narrower than this hide nothing: posts"
+    )
+    most_objects: int = Field(96, ge=1, le=1000, description="bodies that are looked at, the nearest ones")
+    most_detections: int = Field(48, ge=1, le=500, description="detections a scan, the nearest ones")
+
+    @model_validator(mode="after")
+    def _nearest_before_furthest(self) -> Self:
+        shortest = min(beam.range_m for beam in self.beams)
+        if self.minimum_range_m >= shortest:
+            raise ValueError(
+                f"minimum_range_m = {self.minimum_range_m}: must be below every beam's range_m ({shortest})"
+            )
+        return self
+
+
+class RadarNumbers(NamedTuple):
+    """The radar as kernels take it."""
+
+    beam_angle: Array  # (beams,) rad
+    beam_range: Array  # (beams,) m
+    forward: float
+    left: float
+    minimum_range: float
+    range_noise: float
+    rate_noise: float
+    azimuth_noise: float
+    snr: float  # of 1 m² at 1 m
+    log_false_alarm: float
+    most_likely: float
+    cross_section: float
+    least_share: float
+    clutter: float
+    clutter_span: float
+    long_body: float
+    second: float
+    second_probability: float
+    least_hiding: float
+
+
+class OwnMotion(NamedTuple):
+    """Motion of n equipped vehicles over ground, (n,) each."""
+
+    speed_mps: Array  # along the vehicle's axis
+    lateral_speed_mps: Array  # of the centre of gravity, left positive
+    yaw_rate_rps: Array
+
+
+class Sightings(NamedTuple):
+    """What of each body is in view, without noise, (n, M) each beside Objects; NaN where nothing is.
+
+    The point is the nearest visible one; `second` that further along a long body.
+    """
+
+    range_m: Array
+    range_rate_mps: Array
+    azimuth_rad: Array
+    width_m: Array  # visible, across the line of sight
+    share: Array  # visible part of the angle that the body takes up
+    second_range_m: Array
+    second_range_rate_mps: Array
+    second_azimuth_rad: Array
+    vx_mps: Array  # velocity of the body over ground, in the vehicle's axes
+    vy_mps: Array
+
+
+class Scan(NamedTuple):
+    """What the radar reports: M places of which the first `count` are used, nearest first, then NaN."""
+
+    count: Array  # (n,) int64
+    range_m: Array  # (n, M)
+    range_rate_mps: Array
+    azimuth_rad: Array
+
+
+class ScanTruth(NamedTuple):
+    """What stands behind each detection of a Scan, (n, M) each; the plug-in's estimators never see it."""
+
+    handle: Array  # int64, of Objects; -1 for clutter and unused places
+    reflection: Array  # int8: 0 nearest visible point, 1 the second one of a long body, -1 clutter
+    range_m: Array  # of the reflecting point; NaN for clutter, as are the others
+    range_rate_mps: Array
+    azimuth_rad: Array
+    vx_mps: Array  # of the body over ground, in the vehicle's axes
+    vy_mps: Array
+
+
+class Flat(NamedTuple):
+    """The detections of a fleet's scan one after the other, (D,) each, by vehicle."""
+
+    owner: Array  # int64, row of the vehicle
+    column: Array  # int64, place in the Scan (and in the ScanTruth)
+    range_m: Array
+    range_rate_mps: Array
+    azimuth_rad: Array
+
+
+def numbers(radar: Radar) -> RadarNumbers:
+    """The kernel's view of the settings."""
+    r = radar
+    return RadarNumbers(
+        beam_angle=np.array([beam.half_angle_rad for beam in r.beams]),
+        beam_range=np.array([beam.range_m for beam in r.beams]),
+        forward=r.mount_forward_m,
+        left=r.mount_left_m,
+        minimum_range=r.minimum_range_m,
+        range_noise=r.range_noise_m,
+        rate_noise=r.range_rate_noise_mps,
+        azimuth_noise=r.azimuth_noise_rad,
+        snr=10.0 ** (r.snr_db / 10.0) / 10.0 * 100.0**4,
+        log_false_alarm=math.log(r.false_alarm_probability),
+        most_likely=r.most_likely,
+        cross_section=r.cross_section_per_m2,
+        least_share=r.least_share,
+        clutter=r.clutter_rate,
+        clutter_span=r.clutter_rate_span_mps,
+        long_body=r.long_body_m,
+        second=r.second_reflection_m,
+        second_probability=r.second_probability,
+        least_hiding=r.least_hiding_m,
+    )
+
+
+def scan(
+    radar: Radar, objects: Objects, motion: OwnMotion, keys: Array, counter: Array
+) -> tuple[Scan, ScanTruth, Sightings]:
+    """One scan of n vehicles.
+
+    Parameters
+    ----------
+    objects : bodies around, for which `visibility.objects_in_view` looks.
+    keys : (n,) uint64, each vehicle's `stream_key(seed, vehicle_id, "radar")`.
+    counter : (n,) int64, number of the scan.
+
+    The result of a vehicle depends on nothing but its own rows, and not on the order of its objects.
+    """
+    from radar_synth.degrade import measure
+    from radar_synth.visibility import sightings
+
+    seen = sightings(radar, objects, motion)
+    reported, behind = measure(radar, objects, seen, keys, counter)
+    return reported, behind, seen
+
+
+def flatten(reported: Scan) -> Flat:
+    """The used places of a Scan as flat arrays, for trackers."""
+    columns = reported.range_m.shape[1]
+    owner, column = np.nonzero(np.arange(columns) < reported.count[:, None])
+    return Flat(
+        owner,
+        column,
+        reported.range_m[owner, column],
+        reported.range_rate_mps[owner, column],
+        reported.azimuth_rad[owner, column],
+    )

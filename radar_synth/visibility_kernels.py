@@ -1,0 +1,285 @@
+"""Kernels of visibility: faces towards the radar, angular intervals, nearest visible points.
+
+Two disjoint convex bodies keep their order along all rays that meet both, so one common ray says which of them
+hides the other, and it hides the whole of the common interval.
+"""
+
+import math
+
+import numpy as np
+
+from sumo_net.compile import kernel
+from sumo_net.frames import wrap_angle
+
+_AHEAD_M = 1e-3  # faces are cut off here: no ray of a beam goes sideways or back
+_SLIVER = 1e-9  # rad; common intervals narrower than this do not count
+
+
+@kernel
+def _face(faces, count, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Add the part ahead of a face with its right end at a and its left end at b; the new count."""
+    if ax * by - ay * bx <= 1e-12:  # seen from behind, or edge on
+        return count
+    if ax < _AHEAD_M and bx < _AHEAD_M:
+        return count
+    if ax < _AHEAD_M:
+        t = (_AHEAD_M - ax) / (bx - ax)
+        ax, ay = _AHEAD_M, ay + t * (by - ay)
+    elif bx < _AHEAD_M:
+        t = (_AHEAD_M - ax) / (bx - ax)
+        bx, by = _AHEAD_M, ay + t * (by - ay)
+    faces[count, 0], faces[count, 1], faces[count, 2], faces[count, 3] = ax, ay, bx, by
+    faces[count, 4], faces[count, 5] = math.atan2(ay, ax), math.atan2(by, bx)
+    return count + 1
+
+
+@kernel
+def _faces(x, y, heading, length, width, faces):  # type: ignore[no-untyped-def]
+    """The visible faces of a box into `faces` (2, 6): ends from right to left and their azimuths; how many."""
+    c, s, l, w = math.cos(heading), math.sin(heading), 0.5 * length, 0.5 * width
+    # Corners counter-clockwise: front left, rear left, rear right, front right.
+    x0, y0 = x + c * l - s * w, y + s * l + c * w
+    x1, y1 = x - c * l - s * w, y - s * l + c * w
+    x2, y2 = x - c * l + s * w, y - s * l - c * w
+    x3, y3 = x + c * l + s * w, y + s * l - c * w
+    # Going round counter-clockwise, a face is seen from outside where it runs from left to right: so each is handed over backwards.
+    count = _face(faces, 0, x1, y1, x0, y0)
+    count = _face(faces, count, x2, y2, x1, y1)
+    if count < 2:
+        count = _face(faces, count, x3, y3, x2, y2)
+    if count < 2:
+        count = _face(faces, count, x0, y0, x3, y3)
+    return count
+
+
+@kernel
+def _reach(faces, count, angle):  # type: ignore[no-untyped-def]
+    """Distance to the faces along a ray that meets them."""
+    best, miss = math.inf, math.inf
+    ux, uy = math.cos(angle), math.sin(angle)
+    for f in range(count):
+        ax, ay, bx, by = faces[f, 0], faces[f, 1], faces[f, 2], faces[f, 3]
+        off = max(faces[f, 4] - angle, angle - faces[f, 5], 0.0)
+        if off < miss or (off == 0.0 and miss == 0.0):
+            dx, dy = bx - ax, by - ay
+            r = (ax * dy - ay * dx) / (ux * dy - uy * dx)
+            best = min(best, r) if off == miss else r
+            miss = off
+    return best
+
+
+@kernel
+def _nearest(face, low, high):  # type: ignore[no-untyped-def]
+    """(distance, x, y) of the point of a face nearest to the radar between two azimuths; inf outside."""
+    low, high = max(low, face[4]), min(high, face[5])
+    if high - low < _SLIVER:
+        return math.inf, 0.0, 0.0
+    ax, ay, dx, dy = face[0], face[1], face[2] - face[0], face[3] - face[1]
+    cross = ax * dy - ay * dx
+    # The face's parameter from 0 to 1: of the foot of the perpendicular, and of both azimuths.
+    foot = -(ax * dx + ay * dy) / (dx * dx + dy * dy)
+    t0, t1 = 0.0, 1.0
+    if low > face[4]:
+        ux, uy = math.cos(low), math.sin(low)
+        r = cross / (ux * dy - uy * dx)
+        t0 = ((r * ux - ax) * dx + (r * uy - ay) * dy) / (dx * dx + dy * dy)
+    if high < face[5]:
+        ux, uy = math.cos(high), math.sin(high)
+        r = cross / (ux * dy - uy * dx)
+        t1 = ((r * ux - ax) * dx + (r * uy - ay) * dy) / (dx * dx + dy * dy)
+    t = min(max(foot, t0), t1)
+    x, y = ax + t * dx, ay + t * dy
+    return math.hypot(x, y), x, y
+
+
+@kernel
+def _subtract(hidden, count, low, high, open_):  # type: ignore[no-untyped-def]
+    """What is left of [low, high] without the `count` intervals `hidden`, into `open_` (k, 2); how many."""
+    for i in range(1, count):  # by their beginnings
+        a, b = hidden[i, 0], hidden[i, 1]
+        j = i - 1
+        while j >= 0 and hidden[j, 0] > a:
+            hidden[j + 1, 0], hidden[j + 1, 1] = hidden[j, 0], hidden[j, 1]
+            j -= 1
+        hidden[j + 1, 0], hidden[j + 1, 1] = a, b
+    left, at = 0, low
+    for i in range(count):
+        if hidden[i, 0] - at > _SLIVER:
+            open_[left, 0], open_[left, 1] = at, hidden[i, 0]
+            left += 1
+        at = max(at, hidden[i, 1])
+    if high - at > _SLIVER:
+        open_[left, 0], open_[left, 1] = at, high
+        left += 1
+    return left
+
+
+@kernel
+def _second_point(px, py, x, y, heading, length, further):  # type: ignore[no-untyped-def]
+    """The point `further` along the body from its visible point (px, py), within the body."""
+    c, s = math.cos(heading), math.sin(heading)
+    along = c * (px - x) + s * (py - y)
+    radar = -(c * x + s * y)
+    # Away from the radar; from the side of the body, towards its longer part.
+    sign = 1.0 if (radar < along - 0.1 or (radar <= along + 0.1 and along < 0.0)) else -1.0
+    end = max(0.5 * length - 0.5, 0.0)
+    step = min(max(along + sign * further, -end), end) - along
+    return px + c * step, py + s * step
+
+
+@kernel
+def _in_beams(r, azimuth, radar):  # type: ignore[no-untyped-def]
+    """Whether a point lies in the field of view."""
+    for k in range(radar.beam_angle.size):
+        if abs(azimuth) <= radar.beam_angle[k] and radar.minimum_range <= r <= radar.beam_range[k]:
+            return True
+    return False
+
+
+@kernel
+def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
+    """Sightings of n vehicles into `out`, which is NaN before."""
+    n, M = objects.forward_m.shape
+    faces, count = np.empty((M, 2, 6)), np.zeros(M, np.int64)
+    low, high = np.empty(M), np.empty(M)
+    hidden, open_ = np.empty((M, 2)), np.empty((M + 1, 2))
+    for i in range(n):
+        # The radar's own velocity over ground: that of the centre of gravity and of the turn about it.
+        own_x = motion.speed_mps[i] - motion.yaw_rate_rps[i] * radar.left
+        own_y = motion.lateral_speed_mps[i] + motion.yaw_rate_rps[i] * radar.forward
+        for m in range(M):
+            count[m] = 0
+            if objects.handle[i, m] == -1:
+                continue
+            x, y = objects.forward_m[i, m] - radar.forward, objects.left_m[i, m] - radar.left
+            count[m] = _faces(
+                x, y, objects.heading_rad[i, m], objects.length_m[i, m], objects.width_m[i, m], faces[m]
+            )
+            low[m], high[m] = math.inf, -math.inf
+            for f in range(count[m]):
+                low[m], high[m] = min(low[m], faces[m, f, 4]), max(high[m], faces[m, f, 5])
+        for m in range(M):
+            if count[m] == 0:
+                continue
+            covers = 0
+            for k in range(M):
+                if k == m or count[k] == 0:
+                    continue
+                a, b = max(low[m], low[k]), min(high[m], high[k])
+                if (
+                    b - a <= _SLIVER
+                    or max(objects.length_m[i, k], objects.width_m[i, k]) < radar.least_hiding
+                ):
+                    continue
+                middle = 0.5 * (a + b)
+                if _reach(faces[k], count[k], middle) < _reach(faces[m], count[m], middle):
+                    hidden[covers, 0], hidden[covers, 1] = a, b
+                    covers += 1
+            left = _subtract(hidden, covers, low[m], high[m], open_)
+            nearest, px, py, angle = math.inf, 0.0, 0.0, 0.0
+            for beam in range(radar.beam_angle.size):
+                edge, best, bx, by, seen = radar.beam_angle[beam], math.inf, 0.0, 0.0, 0.0
+                for j in range(left):
+                    a, b = max(open_[j, 0], -edge), min(open_[j, 1], edge)
+                    seen += max(b - a, 0.0)
+                    for f in range(count[m]):
+                        r, qx, qy = _nearest(faces[m, f], a, b)
+                        if r < best:
+                            best, bx, by = r, qx, qy
+                if best <= radar.beam_range[beam] and best >= radar.minimum_range:
+                    angle = max(angle, seen)
+                    if best < nearest:
+                        nearest, px, py = best, bx, by
+            if nearest == math.inf:
+                continue
+            heading, speed = objects.heading_rad[i, m], objects.speed_mps[i, m]
+            vx, vy = speed * math.cos(heading), speed * math.sin(heading)
+            out.vx_mps[i, m], out.vy_mps[i, m] = vx, vy
+            out.range_m[i, m] = nearest
+            out.azimuth_rad[i, m] = math.atan2(py, px)
+            # The turn of the vehicle's axes moves the point across the line of sight only.
+            out.range_rate_mps[i, m] = ((vx - own_x) * px + (vy - own_y) * py) / nearest
+            out.width_m[i, m] = nearest * angle
+            out.share[i, m] = angle / (high[m] - low[m])
+            if objects.length_m[i, m] >= radar.long_body:
+                x, y = objects.forward_m[i, m] - radar.forward, objects.left_m[i, m] - radar.left
+                sx, sy = _second_point(px, py, x, y, heading, objects.length_m[i, m], radar.second)
+                r, azimuth = math.hypot(sx, sy), math.atan2(sy, sx)
+                clear = False
+                for j in range(left):
+                    clear = clear or open_[j, 0] <= azimuth <= open_[j, 1]
+                if clear and _in_beams(r, azimuth, radar):
+                    out.second_range_m[i, m], out.second_azimuth_rad[i, m] = r, azimuth
+                    out.second_range_rate_mps[i, m] = ((vx - own_x) * sx + (vy - own_y) * sy) / r
+
+
+@kernel
+def _may_be_seen(forward, left, size, radar):  # type: ignore[no-untyped-def]
+    """Whether a body of this half-diagonal, its centre here (from the radar), reaches into a beam."""
+    r = math.hypot(forward, left)
+    for k in range(radar.beam_angle.size):
+        edge = radar.beam_angle[k]
+        outside = abs(left) * math.cos(edge) - forward * math.sin(edge)
+        if r - size <= radar.beam_range[k] and outside <= size and forward > -size:
+            return True
+    return False
+
+
+@kernel
+def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: ignore[no-untyped-def]
+    """Objects in view of n vehicles into `out` (Objects, n x M); how many of each, (n,)."""
+    n, M = out.forward_m.shape
+    vehicles, posts = snapshot.handle.size, roadside.handle.size
+    index, distance = np.empty(vehicles + posts, np.int64), np.empty(vehicles + posts)
+    used = np.zeros(n, np.int64)
+    furthest = radar.beam_range.max() + 30.0
+    for i in range(n):
+        if not (math.isfinite(x[i]) and math.isfinite(y[i])):
+            continue
+        c, s = math.cos(heading[i]), math.sin(heading[i])
+        found = 0
+        for k in range(vehicles):
+            dx, dy = snapshot.x_m[k] - x[i], snapshot.y_m[k] - y[i]
+            if dx * dx + dy * dy > furthest * furthest or snapshot.handle[k] == handle[i]:
+                continue
+            half = 0.5 * snapshot.length_m[k]
+            dx -= half * math.cos(snapshot.heading_rad[k])
+            dy -= half * math.sin(snapshot.heading_rad[k])
+            forward, left = c * dx + s * dy, c * dy - s * dx
+            size = math.hypot(half, 0.5 * snapshot.width_m[k])
+            if _may_be_seen(forward - radar.forward, left - radar.left, size, radar):
+                index[found], distance[found] = k, math.hypot(forward, left)
+                found += 1
+        first = np.searchsorted(roadside.x_m, x[i] - furthest)
+        while first < posts and roadside.x_m[first] <= x[i] + furthest:
+            dx, dy = roadside.x_m[first] - x[i], roadside.y_m[first] - y[i]
+            forward, left = c * dx + s * dy, c * dy - s * dx
+            size = 0.5 * math.hypot(roadside.length_m[first], roadside.width_m[first])
+            if _may_be_seen(forward - radar.forward, left - radar.left, size, radar):
+                index[found], distance[found] = vehicles + first, math.hypot(forward, left)
+                found += 1
+            first += 1
+        order = np.argsort(distance[:found], kind="mergesort")
+        used[i] = min(found, M)
+        for m in range(used[i]):
+            k = index[order[m]]
+            if k < vehicles:
+                half = 0.5 * snapshot.length_m[k]
+                dx = snapshot.x_m[k] - half * math.cos(snapshot.heading_rad[k]) - x[i]
+                dy = snapshot.y_m[k] - half * math.sin(snapshot.heading_rad[k]) - y[i]
+                out.handle[i, m] = snapshot.handle[k]
+                out.heading_rad[i, m] = wrap_angle(snapshot.heading_rad[k] - heading[i])
+                out.speed_mps[i, m] = snapshot.speed_mps[k]
+                out.acceleration_mps2[i, m] = snapshot.acceleration_mps2[k]
+                out.length_m[i, m], out.width_m[i, m] = snapshot.length_m[k], snapshot.width_m[k]
+                out.height_m[i, m] = snapshot.height_m[k]
+            else:
+                k -= vehicles
+                dx, dy = roadside.x_m[k] - x[i], roadside.y_m[k] - y[i]
+                out.handle[i, m] = roadside.handle[k]
+                out.heading_rad[i, m] = wrap_angle(roadside.heading_rad[k] - heading[i])
+                out.speed_mps[i, m] = out.acceleration_mps2[i, m] = 0.0
+                out.length_m[i, m], out.width_m[i, m] = roadside.length_m[k], roadside.width_m[k]
+                out.height_m[i, m] = roadside.height_m[k]
+            out.forward_m[i, m], out.left_m[i, m] = c * dx + s * dy, c * dy - s * dx
+    return used
