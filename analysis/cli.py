@@ -28,6 +28,24 @@ class Mode(enum.StrEnum):
     REFINED = "refined"
 
 
+class Filter(enum.StrEnum):
+    """The radar tracker's filters."""
+
+    IMM = "imm"
+    ADAPTIVE = "adaptive"
+    PATENT = "patent"
+    CV = "cv"
+    CA = "ca"
+
+
+class LogFormat(enum.StrEnum):
+    """Radar logs that can be read."""
+
+    CSV = "csv"
+    COMMA2K19 = "comma2k19"
+    UDACITY = "udacity"
+
+
 class Format(enum.StrEnum):
     """How tables are written."""
 
@@ -187,6 +205,28 @@ def calibrate(
 
     with _plain_errors():
         typer.echo(propose(images, lane_width_m=lane_width, height_m=height))
+
+
+@app.command()
+def track(
+    log: Annotated[Path, typer.Argument(help="A row a detection, or what the format says.", metavar="LOG")],
+    out: Out = Path("out"),
+    filter_name: Annotated[Filter, typer.Option("--filter", help="Of the tracker.")] = Filter.IMM,
+    log_format: Annotated[LogFormat, typer.Option("--format", help="Of the log.")] = LogFormat.CSV,
+    own_association: Annotated[
+        bool, typer.Option("--own-association", help="Associate also where the log gives the targets.")
+    ] = False,
+) -> None:
+    """Track the objects of a recorded radar log."""
+    from analysis.radar_formats import track_recording
+    from analysis.radar_log import rmse
+
+    with _plain_errors(), _told_where(out):
+        table = track_recording(log, out, filter_name.value, log_format.value, own_association)
+        typer.echo(f"{'tracks':21} {table['track_id'].nunique()}")
+        for name, value in rmse(table).items():
+            typer.echo(f"RMSE {name:16} {value:.4f}")
+        typer.echo(f"Tables: {out}")
 
 
 @app.command(short_help="Measure accuracy over many seeds against the stated targets.")

@@ -13,13 +13,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.cli import main
+from analysis.cli import Filter, LogFormat, main
+from analysis.radar_formats import FORMATS
 from plugin.record import read_table
 from plugin.schema import TABLES
+from plugin.tracking.filters import FILTERS
 
 COMMAND = [sys.executable, "-c", "from analysis.cli import main; main()"]
 BOLOGNA = Path(__file__).parents[3] / "shared" / "data" / "bologna_pasubio"
 CAMERA = "height_m = 1.3\n"
+RADAR = "time_s,range_m,range_rate_mps,azimuth_rad\n" + "".join(
+    f"{k / 10},{100.0 - k / 2},-5.0,0.01\n" for k in range(30)
+)
 
 
 def typed(*words: str | Path, timeout_s: float = 120.0) -> subprocess.CompletedProcess[str]:
@@ -168,6 +173,9 @@ def test_help_is_on_standard_output(words: list[str], capsys: pytest.CaptureFixt
         (["calibrate", "text.png"], "text.png"),
         (["calibrate", "grey.png"], "grey.png"),
         (["calibrate", "road.png", "--height", "-1"], "height_m"),
+        (["track", "none.csv"], "none.csv: no such file"),
+        (["track", "no_time.csv"], "no_time.csv:1: column time_s is missing"),
+        (["track", "radar.csv", "--filter", "kalman"], "'kalman' is not one of 'imm'"),
         (["evaluate", "--scenario", "hihgway", "--seeds", "1"], "did you mean 'highway'?"),
         (["evaluate", "--equip", "7"], "'--equip'"),
     ],
@@ -194,6 +202,22 @@ def test_every_mistake_in_a_file_is_a_line(mistakes: Path, capsys: pytest.Captur
         "two.toml: duration_s",
         "two.toml: seed",
     ]
+
+
+@pytest.mark.parametrize("name", ["imm", "adaptive"])
+def test_track_follows_the_object_of_a_log(
+    name: str, mistakes: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status("track", "radar.csv", "--filter", name, "--out", "tracked") == 0
+    assert capsys.readouterr().out.splitlines() == [f"{'tracks':21} 1", "Tables: tracked"]
+    last = pd.read_csv(mistakes / "tracked" / "tracks.csv").iloc[-1]
+    assert last["range_m"] == pytest.approx(85.5, abs=0.5)
+    assert last["range_rate_mps"] == pytest.approx(-5.0, abs=0.3)
+
+
+def test_the_commands_offer_what_there_is() -> None:
+    assert [name.value for name in Filter] == list(FILTERS)
+    assert [name.value for name in LogFormat] == ["csv", *FORMATS]
 
 
 @pytest.mark.skipif(not BOLOGNA.is_dir(), reason="the published city scenario is not here")
@@ -242,6 +266,8 @@ def mistakes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             '<configuration><input><net-file value="lane_less.net.xml"/></input></configuration>'
         ),
         "text.png": "not an image",
+        "no_time.csv": "range_m\n3.0\n",
+        "radar.csv": RADAR,
         "text.mp4": "not a video",
     }
     for name, text in files.items():
