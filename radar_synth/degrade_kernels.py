@@ -1,7 +1,7 @@
 """Kernel of the radar's imperfection over the fleet.
 
-Each scan of each vehicle has keys of its own, and each body draws by its handle, so that neither the order nor
-the number of the bodies around changes what is measured of one of them.
+Each scan of each vehicle has keys of its own, and each body draws by its handle, so that neither the order
+nor the number of the bodies around changes what is measured of one of them.
 """
 
 import math
@@ -95,8 +95,8 @@ def measure(objects, seen, radar, keys, counter, out, behind):  # type: ignore[n
             truth[found] = math.nan
             found += 1
         order = np.argsort(z[:found, 0])
-        out.count[i] = min(found, most)
-        for j in range(out.count[i]):
+        out.detections[i] = min(found, most)
+        for j in range(out.detections[i]):
             k = order[j]
             out.range_m[i, j], out.range_rate_mps[i, j], out.azimuth_rad[i, j] = z[k, 0], z[k, 1], z[k, 2]
             behind.handle[i, j], behind.reflection[i, j] = handle[k], reflection[k]

@@ -1,7 +1,7 @@
 """The front radar of a fleet: settings, and scans of what stands and drives around.
 
-Everything is in the vehicle's axes (ISO 8855): azimuth left of the vehicle's axis, range from the radar, range
-rate positive when opening. The radar looks straight ahead.
+Everything is in the vehicle's axes (ISO 8855): azimuth left of the vehicle's axis, range from the radar,
+range rate positive when opening. The radar looks straight ahead.
 """
 
 import math
@@ -126,9 +126,9 @@ class Sightings(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """What the radar reports: M places of which the first `count` are used, nearest first, then NaN."""
+    """What the radar reports: M places of which the first `detections` are used, nearest first, then NaN."""
 
-    count: Array  # (n,) int64
+    detections: Array  # (n,) int64
     range_m: Array  # (n, M)
     range_rate_mps: Array
     azimuth_rad: Array
@@ -206,7 +206,7 @@ def scan(
 def flatten(reported: Scan) -> Flat:
     """The used places of a Scan as flat arrays, for trackers."""
     columns = reported.range_m.shape[1]
-    owner, column = np.nonzero(np.arange(columns) < reported.count[:, None])
+    owner, column = np.nonzero(np.arange(columns) < reported.detections[:, None])
     return Flat(
         owner,
         column,

@@ -1,7 +1,7 @@
 """Kernels of visibility: faces towards the radar, angular intervals, nearest visible points.
 
-Two disjoint convex bodies keep their order along all rays that meet both, so one common ray says which of them
-hides the other, and it hides the whole of the common interval.
+Two disjoint convex bodies keep their order along all rays that meet both, so one common ray says which of
+them hides the other, and it hides the whole of the common interval.
 """
 
 import math
@@ -35,14 +35,15 @@ def _face(faces, count, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def _faces(x, y, heading, length, width, faces):  # type: ignore[no-untyped-def]
-    """The visible faces of a box into `faces` (2, 6): ends from right to left and their azimuths; how many."""
-    c, s, l, w = math.cos(heading), math.sin(heading), 0.5 * length, 0.5 * width
+    """The visible faces of a box into `faces` (2, 6), ends from right to left and azimuths; how many."""
+    c, s, h, w = math.cos(heading), math.sin(heading), 0.5 * length, 0.5 * width
     # Corners counter-clockwise: front left, rear left, rear right, front right.
-    x0, y0 = x + c * l - s * w, y + s * l + c * w
-    x1, y1 = x - c * l - s * w, y - s * l + c * w
-    x2, y2 = x - c * l + s * w, y - s * l - c * w
-    x3, y3 = x + c * l + s * w, y + s * l - c * w
-    # Going round counter-clockwise, a face is seen from outside where it runs from left to right: so each is handed over backwards.
+    x0, y0 = x + c * h - s * w, y + s * h + c * w
+    x1, y1 = x - c * h - s * w, y - s * h + c * w
+    x2, y2 = x - c * h + s * w, y - s * h - c * w
+    x3, y3 = x + c * h + s * w, y + s * h - c * w
+    # Going round counter-clockwise, a face is seen from outside where it runs from left to right;
+    # each is handed over from right to left.
     count = _face(faces, 0, x1, y1, x0, y0)
     count = _face(faces, count, x2, y2, x1, y1)
     if count < 2:

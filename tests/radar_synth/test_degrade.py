@@ -42,7 +42,7 @@ def scans(radar: Radar, bodies: list[dict[str, float]], n: int) -> tuple[Scan, S
 def test_noise_has_the_set_deviations_and_no_bias() -> None:
     radar, n = Radar(most_likely=1.0, snr_db=90.0, clutter_rate=0.0), 20_000
     z, truth = scans(radar, [CAR], n)
-    assert (z.count == 1).all()
+    assert (z.detections == 1).all()
     for error, sigma in (
         (z.range_m - truth.range_m, 1.0),
         (z.range_rate_mps - truth.range_rate_mps, 0.5),
@@ -68,7 +68,7 @@ def test_misses_follow_the_published_probability() -> None:
         expected = float(detection_probability(radar, r, width * 1.5))
         snr = 10 ** (snr_db / 10) * (3.7 * width * 1.5 / 10.0) * (100.0 / r) ** 4
         assert expected == pytest.approx(0.98 * 1e-6 ** (1 / (1 + snr)))
-        assert z.count.mean() == pytest.approx(expected, abs=4 * math.sqrt(0.25 / n))
+        assert z.detections.mean() == pytest.approx(expected, abs=4 * math.sqrt(0.25 / n))
 
 
 def test_probability_falls_with_range_and_with_what_is_hidden() -> None:
@@ -83,8 +83,8 @@ def test_probability_falls_with_range_and_with_what_is_hidden() -> None:
 def test_clutter_is_a_poisson_number_spread_over_the_field_of_view() -> None:
     radar, n = Radar(clutter_rate=0.8), 10_000
     z, truth = scans(radar, [], n)
-    assert z.count.mean() == pytest.approx(0.8, abs=4 * math.sqrt(0.8 / n))
-    assert z.count.var() == pytest.approx(0.8, rel=0.1)
+    assert z.detections.mean() == pytest.approx(0.8, abs=4 * math.sqrt(0.8 / n))
+    assert z.detections.var() == pytest.approx(0.8, rel=0.1)
     flat = flatten(z)
     assert (truth.handle == -1).all()
     assert np.isnan(truth.range_m).all()
@@ -99,7 +99,7 @@ def test_clutter_is_a_poisson_number_spread_over_the_field_of_view() -> None:
 
 
 def test_a_lorry_answers_twice() -> None:
-    z, truth = scans(Radar(clutter_rate=0.0), [LORRY], 5000)
+    _, truth = scans(Radar(clutter_rate=0.0), [LORRY], 5000)
     assert (truth.reflection == 0).any(axis=1).mean() > 0.95
     assert (truth.reflection == 1).any(axis=1).mean() == pytest.approx(0.6 * 0.98, abs=0.04)
     both = (truth.reflection == 0).any(axis=1) & (truth.reflection == 1).any(axis=1)
@@ -164,12 +164,12 @@ def test_scans_and_vehicles_are_independent_and_repeatable() -> None:
 def test_order_tells_nothing_of_the_truth() -> None:
     z, truth = scans(Radar(clutter_rate=2.0), [CAR, LORRY, CAR | {"forward_m": 150.0, "left_m": 7.0}], 300)
     for i in range(300):
-        r = z.range_m[i, : z.count[i]]
+        r = z.range_m[i, : z.detections[i]]
         assert (np.diff(r) >= 0).all()
-        assert np.isnan(z.range_m[i, z.count[i] :]).all()
-        assert (truth.handle[i, z.count[i] :] == -1).all()
+        assert np.isnan(z.range_m[i, z.detections[i] :]).all()
+        assert (truth.handle[i, z.detections[i] :] == -1).all()
     flat = flatten(z)
-    assert len(flat.owner) == z.count.sum()
+    assert len(flat.owner) == z.detections.sum()
     np.testing.assert_array_equal(flat.range_m, z.range_m[flat.owner, flat.column])
 
 
@@ -180,7 +180,7 @@ def test_more_detections_than_places_keep_the_nearest() -> None:
 
 
 def test_settings_say_what_is_wrong() -> None:
-    with pytest.raises(ValidationError, match="minimum_range_m = 5.0: must be below"):
+    with pytest.raises(ValidationError, match=r"minimum_range_m = 5.0: must be below"):
         Radar(beams=(Beam(half_angle_rad=0.2, range_m=4.0),), minimum_range_m=5.0)
     with pytest.raises(ValidationError):
         Radar(beams=())

@@ -1,4 +1,4 @@
-"""Field of view, occlusion and nearest points against rays cast one by one, range rates against differences."""
+"""Field of view, occlusion and nearest points against rays one by one, range rates against differences."""
 
 import math
 from typing import Any
@@ -28,12 +28,12 @@ def sight(radar: Radar, *bodies: dict[str, float]) -> Sightings:
 
 
 def corners(objects: Objects, m: int, radar: Radar) -> np.ndarray:
-    l, w, psi = (
+    h, w, psi = (
         objects.length_m[0, m] / 2,
         objects.width_m[0, m] / 2,
         objects.heading_rad[0, m],
     )
-    box = np.array([l + 1j * w, -l + 1j * w, -l - 1j * w, l - 1j * w]) * np.exp(1j * psi)
+    box = np.array([h + 1j * w, -h + 1j * w, -h - 1j * w, h - 1j * w]) * np.exp(1j * psi)
     return (
         box
         + objects.forward_m[0, m]
@@ -96,7 +96,7 @@ def test_as_many_rays_one_by_one(objects: Objects) -> None:
         if np.isnan(seen.range_m[0, m]):
             assert mine.sum() <= 2
             continue
-        # Between two rays the point may be a little nearer; edges of what is hidden fall between rays as well.
+        # Between two rays the point may be a little nearer; edges of what is hidden fall between rays too.
         at = np.argmin(np.abs(angles - seen.azimuth_rad[0, m]))
         steepest = (
             2.0 * step * np.max(np.abs(np.diff(distance[mine, m]))) / step + 0.05 if mine.sum() > 1 else 1.0
@@ -249,7 +249,7 @@ def posts(count: int, seed: int) -> RoadsideTable:
     )
 
 
-class Poses:
+class Seers:
     def __init__(self, snapshot: Snapshot, rows: slice) -> None:
         self.handle = snapshot.handle[rows]
         self.heading_rad = snapshot.heading_rad[rows]
@@ -259,7 +259,7 @@ class Poses:
 
 def test_all_that_reaches_into_view_is_gathered_nearest_first() -> None:
     snapshot, roadside = world(120, 3), posts(60, 4)
-    poses = Poses(snapshot, slice(0, 120, 5))
+    poses = Seers(snapshot, slice(0, 120, 5))
     radar = Radar(most_objects=200)
     some = objects_in_view(radar, poses, snapshot, roadside)
     everything = objects_in_view(
@@ -295,16 +295,16 @@ def test_gathering_by_hand_and_in_slices() -> None:
         np.array([0.1]),
         *(np.array([v]) for v in (0.1, 0.1, 1.0)),
     )
-    objects = objects_in_view(Radar(), Poses(snapshot, slice(0, 1)), snapshot, roadside)
+    objects = objects_in_view(Radar(), Seers(snapshot, slice(0, 1)), snapshot, roadside)
     assert objects.handle[0].tolist() == [-2, 1]
     assert objects.forward_m[0].tolist() == pytest.approx([31.6, 50.0 - 2.5 * math.cos(0.2) + 1.6])
     assert objects.left_m[0].tolist() == pytest.approx([-5.0, 3.75 - 2.5 * math.sin(0.2)])
     assert objects.heading_rad[0].tolist() == pytest.approx([0.1, 0.2])
     crowd = world(80, 9)
-    whole = objects_in_view(Radar(), Poses(crowd, slice(0, 80)), crowd)
-    part = objects_in_view(Radar(), Poses(crowd, slice(20, 50)), crowd)
+    whole = objects_in_view(Radar(), Seers(crowd, slice(0, 80)), crowd)
+    part = objects_in_view(Radar(), Seers(crowd, slice(20, 50)), crowd)
     width = part.handle.shape[1]
     for a, b in zip(select(whole, slice(20, 50)), part, strict=True):
         np.testing.assert_array_equal(a[:, :width], b)
-    nobody = objects_in_view(Radar(), Poses(crowd, slice(0, 0)), crowd)
+    nobody = objects_in_view(Radar(), Seers(crowd, slice(0, 0)), crowd)
     assert sightings(Radar(), nobody, at_rest(0)).range_m.shape[0] == 0

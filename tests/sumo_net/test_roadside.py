@@ -9,7 +9,7 @@ from sumo_net import lane_graph
 from sumo_net.highway import Highway
 from sumo_net.network import build
 from sumo_net.road import RoadNetwork
-from sumo_net.road_kernels import project
+from sumo_net.road_kernels import project, station_of
 from sumo_net.roadside import POST, Roadside, RoadsideTable, place
 
 NET = """<net>
@@ -17,7 +17,10 @@ NET = """<net>
   <lane id="ab_1" index="1" length="400" width="3.5" shape="0,-1.75 400,-1.75"/></edge>
  {more}
 </net>"""
-BACK = '<edge id="ba" from="b" to="a"><lane id="ba_0" index="0" length="400" width="3.5" shape="400,1.75 0,1.75"/></edge>'
+BACK = (
+    '<edge id="ba" from="b" to="a">'
+    '<lane id="ba_0" index="0" length="400" width="3.5" shape="400,1.75 0,1.75"/></edge>'
+)
 
 
 def lay(folder: Path, roadside: Roadside, more: str = "") -> RoadsideTable:
@@ -68,13 +71,11 @@ def test_the_built_highway_is_lined_all_along(tmp_path: Path) -> None:
     edge = built.carriageways[0].edges[1]
     path = roads.path(f"{edge}_0", built.carriageways[0].edges[1:])
     lane = roads.graph.lanes[f"{edge}_0"]
-    from sumo_net.road_kernels import station_of
-
     outside = -0.5 * lane.width_m - highway.shoulder_right_m - 0.5
     distances = []
     for x, y, length in zip(table.x_m, table.y_m, table.length_m, strict=True):
         if np.hypot(*(lane.shape - [x, y]).T).min() < 150.0 and length == POST[0]:
-            s, d = project(roads.table, path, x, y, station_of(roads.table, path, 0.5 * lane.length_m))
+            _, d = project(roads.table, path, x, y, station_of(roads.table, path, 0.5 * lane.length_m))
             distances.append(d)
     near = np.abs(np.array(distances) - outside)
     assert np.sort(near)[:3] == pytest.approx([0.0] * 3, abs=0.02)
