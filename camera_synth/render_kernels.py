@@ -10,7 +10,7 @@ from camera_synth.degrade import NODE_PX, value_noise
 from camera_synth.ground_kernels import cross, new_crossings, new_curves, tabulate
 from camera_synth.light_kernels import light_ground
 from camera_synth.sensor_kernels import exposure_of, read_out
-from camera_synth.surface_kernels import View, paint_ground, paint_markings, paint_tracks
+from camera_synth.surface_kernels import paint_ground, paint_markings, paint_tracks, view_of
 from sumo_net.compile import kernel
 
 
@@ -28,7 +28,7 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     node, skyline = np.zeros(width // NODE_PX + 1, np.float32), np.zeros(width, np.float32)
     for i in range(n):
         look = look_of(looks, i)
-        view = _view(x_m[i], y_m[i], heading_rad[i], p)
+        view = view_of(x_m[i], y_m[i], heading_rad[i], p)
         tabulate(curves, road, i, p)
         cross(crossings, curves, -0.5, p)
         paint_ground(canvas, field, node, ground, crossings, look, view, p)
@@ -44,17 +44,6 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
         paint_bodies(canvas, bodies)
         exposure = exposure_of(look, view.sin, view.cos, horizon, p, keys[i], counters[i])
         read_out(frames[i], canvas, field, node, exposure, keys[i], counters[i])
-
-
-@kernel
-def _view(x, y, heading, p):  # type: ignore[no-untyped-def]
-    sin, cos = math.sin(heading), math.cos(heading)
-    return View(
-        x + cos * p.forward - sin * p.left,
-        y + sin * p.forward + cos * p.left,
-        sin * p.cos_yaw + cos * p.sin_yaw,
-        cos * p.cos_yaw - sin * p.sin_yaw,
-    )
 
 
 @kernel

@@ -41,6 +41,18 @@ class Strip(NamedTuple):
 
 
 @kernel
+def view_of(x, y, heading, p):  # type: ignore[no-untyped-def]
+    """The camera's place and direction in the world, for a vehicle's pose."""
+    sin, cos = math.sin(heading), math.cos(heading)
+    return View(
+        x + cos * p.forward - sin * p.left,
+        y + sin * p.forward + cos * p.left,
+        sin * p.cos_yaw + cos * p.sin_yaw,
+        cos * p.cos_yaw - sin * p.sin_yaw,
+    )
+
+
+@kernel
 def strip_of(y, footprint, view, p):  # type: ignore[no-untyped-def]
     """The Strip of image row y."""
     ahead, depth = row_line(np.float64(y), p)
@@ -188,7 +200,7 @@ def paint_markings(canvas, rows, crossings, look, view, p):  # type: ignore[no-u
             opacity = 1.0
             if worn:
                 x = 0.5 * (c0 + c1)
-                opacity = _paint_left(look, strip.x + x * strip.dx, strip.y + x * strip.dy, strip.footprint)
+                opacity = paint_left(look, strip.x + x * strip.dx, strip.y + x * strip.dy, strip.footprint)
             if dashed:
                 paint_dashes(row, l0, l1, r0, r1, s0, s1, stroke, period, grey, opacity)
             else:
@@ -196,7 +208,7 @@ def paint_markings(canvas, rows, crossings, look, view, p):  # type: ignore[no-u
 
 
 @kernel
-def _paint_left(look, x, y, footprint):  # type: ignore[no-untyped-def]
+def paint_left(look, x, y, footprint):  # type: ignore[no-untyped-def]
     """Opacity of the paint at a place in the world."""
     seed, wear = look.world_seed, look.wear
     opacity = 1.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from camera_synth.camera import WIDTH_PX, Projection
 from camera_synth.condition import Looks
-from camera_synth.render import PROCESSED_ROWS
+from camera_synth.render import PROCESSED_ROWS, Pose
 from camera_synth.truth_kernels import locate_borders
 from sumo_net.road import Array, RoadAhead
 from sumo_net.surroundings import Objects
@@ -16,7 +16,7 @@ class BorderColumns(NamedTuple):
     """Where n lanes' borders are in image rows y = 0 … rows - 1 (from the bottom); index 0 left, 1 right."""
 
     column: Array  # (n, 2, rows) of the line's centre; NaN without marking, outside the image, behind a body
-    painted: Array  # (n, 2, rows) bool: in a solid line or a dash's stroke, not in its gap; wear apart
+    painted: Array  # (n, 2, rows) bool: in a solid line or a dash's stroke, with a quarter of its paint left
 
 
 def border_columns(
@@ -25,15 +25,28 @@ def border_columns(
     objects: Objects,
     right_slot: Array,
     looks: Looks,
+    pose: Pose,
     rows: int = PROCESSED_ROWS,
 ) -> BorderColumns:
     """The borders of the lane whose right border stands in slot `right_slot` (n,) of each RoadAhead.
 
     For the lane that holds the vehicle that is road.OWN_RIGHT + EgoTruth.lanes_left. The same geometry as
-    render's, at the rows' middles. All arrays C-contiguous.
+    render's, at the rows' middles; wear stands in the world, hence `pose`. All arrays C-contiguous.
     """
     n = len(right_slot)
     column, painted = np.full((n, 2, rows), np.nan), np.zeros((n, 2, rows), np.bool_)
     slots = np.ascontiguousarray(right_slot, np.int64)
-    locate_borders(column, painted, WIDTH_PX, projection, road_ahead, objects, slots, looks)
+    locate_borders(
+        column,
+        painted,
+        WIDTH_PX,
+        projection,
+        road_ahead,
+        objects,
+        slots,
+        looks,
+        pose.x_m,
+        pose.y_m,
+        pose.heading_rad,
+    )
     return BorderColumns(column, painted)

@@ -7,12 +7,15 @@ import numpy as np
 from camera_synth.body_kernels import frame_bodies, hides, new_bodies, place
 from camera_synth.condition import look_of
 from camera_synth.ground_kernels import cross, new_crossings, new_curves, tabulate
+from camera_synth.surface_kernels import paint_left, strip_of, view_of
 from sumo_net.compile import kernel
 from sumo_net.road import MAX_BORDERS, SOLID
 
+LEAST_PAINT = 0.25  # of a new marking's: with less there is nothing to be seen
+
 
 @kernel
-def locate_borders(column, painted, width, p, road, objects, right_slot, looks):  # type: ignore[no-untyped-def]
+def locate_borders(column, painted, width, p, road, objects, right_slot, looks, x_m, y_m, heading_rad):  # type: ignore[no-untyped-def]
     """Fill column, painted (n, 2, rows); see truth.border_columns."""
     n, _, rows = column.shape
     curves, crossings = new_curves(road.forward_m.shape[1]), new_crossings(rows - 1)
@@ -24,6 +27,8 @@ def locate_borders(column, painted, width, p, road, objects, right_slot, looks):
         cross(crossings, curves, 0.0, p)
         place(bodies, objects, i, p, look)
         frame_bodies(bodies, boxes)
+        worn = look.wear > 0.0 or look.missing > 0.0
+        view = view_of(x_m[i], y_m[i], heading_rad[i], p)
         period = look.dash_stroke_m + look.dash_gap_m
         for side in range(2):
             slot = right_slot[i] + 1 - side
@@ -38,6 +43,10 @@ def locate_borders(column, painted, width, p, road, objects, right_slot, looks):
                 column[i, side, y] = x
                 station = crossings.station[y, slot]
                 solid = crossings.kind[y, slot] == SOLID
-                painted[i, side, y] = (
-                    solid or station - math.floor(station / period) * period < look.dash_stroke_m
-                )
+                shown = solid or station - math.floor(station / period) * period < look.dash_stroke_m
+                if shown and worn:
+                    footprint = crossings.ahead[min(y + 1, rows - 1)] - crossings.ahead[max(y - 1, 0)]
+                    strip = strip_of(y, 0.5 * footprint, view, p)
+                    left = paint_left(look, strip.x + x * strip.dx, strip.y + x * strip.dy, strip.footprint)
+                    shown = left >= LEAST_PAINT
+                painted[i, side, y] = shown

@@ -190,7 +190,7 @@ class Vision:
         return verdict
 
     def _against(self, scene: Scene, looks: Looks, columns: Array, right_slot: Array) -> Array:
-        truth = border_columns(self._projection, scene.ahead, scene.objects, right_slot, looks)
+        truth = border_columns(self._projection, scene.ahead, scene.objects, right_slot, looks, scene.pose)
         verdict = np.empty(len(right_slot), np.int8)
         judge(truth.column, truth.painted, columns, TOLERANCE_PX, SHARE, verdict)
         return verdict
