@@ -88,7 +88,8 @@ class Tuning(NamedTuple):
     noise_m: float = 0.02
     association_m: float = 0.03
     association_px: float = 0.7
-    iterations: int = 4
+    iterations: int = 3
+    narrowing: float = 0.3  # of the association from iteration to iteration
     gate: float = 3.0  # standard deviations of the prediction that are looked through
     reach_m: float = 0.12  # and this much more
     reach_px: float = 2.5

@@ -30,6 +30,7 @@ from plugin.lane.road_model import (
     WIDTH,
     bases,
     border_columns,
+    ground_of_rows,
     row_ground,
     sway,
     trace,
@@ -46,6 +47,7 @@ class Work(NamedTuple):
     """Work space of one vehicle at a time."""
 
     node: Array  # (NODES, 5)
+    ground: Array  # (rows, 4)
     border: Array  # (LINES, rows, 6)
     first: Array  # (KNOTS, KNOTS)
     area: Array
@@ -69,6 +71,7 @@ def workspace(rows):  # type: ignore[no-untyped-def]
     """Work for `rows` image rows."""
     return Work(
         np.zeros((NODES, 5)),
+        np.zeros((rows, 4)),
         np.zeros((LINES, rows, 6)),
         np.zeros((KNOTS, KNOTS)),
         np.zeros((KNOTS, KNOTS)),
@@ -155,8 +158,9 @@ def invert(A, L, out):  # type: ignore[no-untyped-def]
 def place_borders(x, phase, rows, p, t, work):  # type: ignore[no-untyped-def]
     """Trace the centre line and both borders of state x."""
     trace(x, phase, work.node)
+    ground_of_rows(rows, x[PITCH], p, work.ground)
     for side in range(LINES):
-        border_columns(x, rows, work.node, p, side, t.range_m, work.border[side])
+        border_columns(x, work.ground, work.node, p, side, t.range_m, work.border[side])
 
 
 @kernel
@@ -214,9 +218,11 @@ def line_spread(side, r, scale, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def gather(frame, x, phase, rows, p, t, noise, work):  # type: ignore[no-untyped-def]
-    """Look for marking candidates around both borders of x, as far aside as work.spread makes likely."""
-    place_borders(x, phase, rows, p, t, work)
+def gather(frame, rows, t, noise, work):  # type: ignore[no-untyped-def]
+    """Look for marking candidates around both borders of x, as far aside as work.spread makes likely.
+
+    The borders are where predict_spread placed them.
+    """
     height, width = frame.shape
     for side in range(LINES):
         lean = 0.0
@@ -311,7 +317,7 @@ def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: igno
             x[i] += gradient[i]
         if not (abs(x[HEADING]) < 0.6 and abs(x[OFFSET]) < 20.0 and 1.0 < x[WIDTH] < 10.0):
             return False
-        width *= 0.35
+        width *= t.narrowing
     for i in range(STATES):
         for j in range(i):
             information[j, i] = information[i, j]

@@ -51,6 +51,7 @@ from plugin.lane.road_model import (
     WIDTH,
     border_columns,
     curvature_at,
+    ground_of_rows,
     preview,
     trace,
 )
@@ -214,7 +215,7 @@ def second_look(status, age, misses):  # type: ignore[no-untyped-def]
     """
     if status == TENTATIVE or age == 2 or age == 5 or age == 12 or age == 25:
         return True
-    return age % 50 == 0 or (misses > 0 and misses % 4 == 0)
+    return age % 200 == 0 or (misses > 0 and misses % 4 == 0)
 
 
 class Room(NamedTuple):
@@ -301,14 +302,14 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
         if not lean_to_lane(predicted, t, work, room.x):
             continue
         noise = pixel_noise(frame, rows, work)
-        gather(frame, trial, 0.0, rows, p, t, noise, work)
+        gather(frame, rows, t, noise, work)
         if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 6, work):
             continue
         # again around the first result, with what it left open
         if not invert(work.information, work.factor, room.covariance):
             continue
         predict_spread(trial, room.covariance, 0.0, rows, p, t, work)
-        gather(frame, trial, 0.0, rows, p, t, noise, work)
+        gather(frame, rows, t, noise, work)
         if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 5, work):
             continue
         found_left, expected_left = tally(work, LEFT)
@@ -376,7 +377,7 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
             predict_spread(x, P, phase, rows, p, t, work)
             noise = pixel_noise(frames[i], rows, work)
             if good:
-                gather(frames[i], x, phase, rows, p, t, noise, work)
+                gather(frames[i], rows, t, noise, work)
                 if abs(x[OFFSET]) > 0.5 * x[WIDTH]:
                     side = LEFT if x[OFFSET] > 0.0 else RIGHT
                     share = share_of_paint(OUTER_LEFT if side == LEFT else OUTER_RIGHT, work)
@@ -388,7 +389,7 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
                         before[:] = x
                         good = invert(P, work.factor, work.prior)
                         predict_spread(x, P, phase, rows, p, t, work)
-                        gather(frames[i], x, phase, rows, p, t, noise, work)
+                        gather(frames[i], rows, t, noise, work)
                 good = good and fit(x, phase, before, rows, p, t, 1.0, t.iterations, work)
             if good:
                 found_left, expected_left = tally(work, LEFT)
@@ -482,13 +483,15 @@ def columns_kernel(x, phase, status, rows, p, furthest, out):  # type: ignore[no
     """out (n, 2, rows): the column of both borders at each row; NaN where they are not seen or unlocked."""
     # further nodes than the fit uses: the curvature goes on as it is beyond the last knot
     node, border = np.zeros((NODES + 14, 5)), np.zeros((rows.shape[0], 6))
+    ground = np.zeros((rows.shape[0], 4))
     for i in range(x.shape[0]):
         out[i, :, :] = math.nan
         if status[i] != LOCKED:
             continue
         trace(x[i], phase[i], node)
+        ground_of_rows(rows, x[i, PITCH], p, ground)
         for side in range(2):
-            border_columns(x[i], rows, node, p, side, furthest, border)
+            border_columns(x[i], ground, node, p, side, furthest, border)
             for r in range(rows.shape[0]):
                 out[i, side, r] = border[r, 0]
 

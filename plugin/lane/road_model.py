@@ -98,8 +98,15 @@ def row_ground(y, pitch, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def border_columns(x, rows, node, p, side, furthest, out):  # type: ignore[no-untyped-def]
-    """Where one line (LEFT … OUTER_RIGHT) crosses the image rows `rows` (y, from the bottom up, ascending).
+def ground_of_rows(rows, pitch, p, ground):  # type: ignore[no-untyped-def]
+    """ground (rows, 4) <- row_ground of all rows."""
+    for r in range(rows.shape[0]):
+        ground[r, 0], ground[r, 1], ground[r, 2], ground[r, 3] = row_ground(rows[r], pitch, p)
+
+
+@kernel
+def border_columns(x, ground, node, p, side, furthest, out):  # type: ignore[no-untyped-def]
+    """Where one line (LEFT … OUTER_RIGHT) crosses image rows, given as ground_of_rows with y ascending.
 
     out (rows, 6): column, pixels per metre across, slope of the border against the camera's axis, station,
     cosine of the lane's direction, d column / d pitch. Rows without an answer have column NaN.
@@ -113,8 +120,8 @@ def border_columns(x, rows, node, p, side, furthest, out):  # type: ignore[no-un
     ahead_0, aside_0, slope_0 = _node_seen(node, i, d, p)
     i = 1
     ahead_1, aside_1, slope_1 = _node_seen(node, i, d, p)
-    for r in range(rows.shape[0]):
-        ahead, depth, d_ahead, d_depth = row_ground(rows[r], x[PITCH], p)
+    for r in range(ground.shape[0]):
+        ahead, depth = ground[r, 0], ground[r, 1]
         out[r, 0] = math.nan
         if ahead > furthest:
             continue
@@ -139,7 +146,7 @@ def border_columns(x, rows, node, p, side, furthest, out):  # type: ignore[no-un
         out[r, 2] = slope
         out[r, 3] = v * node[i - 1, 0] + u * node[i, 0]
         out[r, 4] = v * node[i - 1, 4] + u * node[i, 4]
-        out[r, 5] = -scale * (slope * d_ahead - aside * d_depth / depth)
+        out[r, 5] = -scale * (slope * ground[r, 2] - aside * ground[r, 3] / depth)
 
 
 @kernel
