@@ -72,14 +72,15 @@ def simulate(
             ) as adas,
             _progress(console) as progress,
         ):
+            first = f"{name}: starting (compiles once, about a minute)"
+            task = progress.add_task(first, total=prepared.recorded_steps, vehicles=0)
             for _ in range(prepared.warm_up_steps):
                 traffic.step()
                 stop_here()
-            task = progress.add_task(name, total=prepared.recorded_steps, vehicles=0)
             for _ in range(prepared.recorded_steps):
                 traffic.step()
                 adas.step()
-                progress.update(task, advance=1, vehicles=len(adas.vehicles))
+                progress.update(task, description=name, advance=1, vehicles=len(adas.vehicles))
                 stop_here()
     return out
 
