@@ -276,7 +276,7 @@ def _in_process(function: Callable[..., dict[str, Any]], *arguments: Any) -> dic
 
 def print_stages(console: Console, results: list[dict[str, Any]]) -> None:
     """One column a fleet."""
-    console.print("ms of processor time a vehicle-step on one thread, by number of equipped vehicles")
+    console.print("ms of processor time a vehicle-step, one thread, by number of equipped vehicles")
     table = Table(box=None)
     table.add_column("stage", no_wrap=True)
     for result in results:
