@@ -78,10 +78,10 @@ class Tuning(NamedTuple):
     confirm_frames: int
     patience_frames: int
     one_sided_frames: int
-    turn_std: float = 0.03
-    turn_time_s: float = 0.5
-    offset_walk: float = 0.03
-    heading_walk: float = 0.002
+    turn_std: float = 0.015
+    turn_time_s: float = 0.8
+    offset_walk: float = 0.02
+    heading_walk: float = 0.0005
     width_walk: float = 0.01
     knot_walk: float = 3e-5  # per root metre driven
     noise_px: float = 0.7  # of a marking centre; rows err together, so more than one row shows
