@@ -38,6 +38,13 @@ class Filter(enum.StrEnum):
     CA = "ca"
 
 
+class Experiment(enum.StrEnum):
+    """Published experiments."""
+
+    IMM = "imm"
+    ADAPTIVE = "adaptive"
+
+
 class LogFormat(enum.StrEnum):
     """Radar logs that can be read."""
 
@@ -227,6 +234,20 @@ def track(
         for name, value in rmse(table).items():
             typer.echo(f"RMSE {name:16} {value:.4f}")
         typer.echo(f"Tables: {out}")
+
+
+@app.command()
+def reproduce(
+    experiment: Annotated[Experiment, typer.Argument(help="Of the sources.", metavar="NAME")],
+    out: Out = Path("out/reproduce"),
+) -> None:
+    """Run a published experiment, imm or adaptive: its table, curves and plot."""
+    import importlib
+
+    with _plain_errors(), _told_where(out):
+        table = importlib.import_module(f"analysis.published.{experiment.value}").reproduce(out)
+        typer.echo(table.to_string(index=False, float_format=lambda value: f"{value:.4g}"))
+        typer.echo(f"Tables and plot: {out}")
 
 
 @app.command(short_help="Measure accuracy over many seeds against the stated targets.")
