@@ -100,7 +100,7 @@ class Tuning(NamedTuple):
     least_rows: int = 4
     least_share: float = 0.1
     lock_rows: int = 16
-    neighbour_share: float = 0.2
+    neighbour_share: float = 0.1  # of rows, from which on there is a lane beside
     next_std: float = 0.25  # of a neighbouring lane's width against the own lane's
     next_keep: float = 0.97
     outside_m: float = 1.2  # how far beyond a border the centre of gravity may be
@@ -120,6 +120,7 @@ class LaneState(NamedTuple):
     one_sided: Array  # (n,) int32 frames in a row without both borders
     age: Array  # (n,) int32 frames since the start
     found: Array  # (n, 2) share of rows where the left and the right border was seen
+    beside: Array  # (n, 2) share of rows where the outer line of the lane to the left, right was seen lately
     reach_m: Array  # (n,) how far ahead paint was seen lately
     share: Array  # (n, 2) what that usually is on this road
 
@@ -134,6 +135,7 @@ def init(n: int) -> LaneState:
         np.zeros(n, np.int32),
         np.zeros(n, np.int32),
         np.zeros(n, np.int32),
+        np.zeros((n, 2)),
         np.zeros((n, 2)),
         np.zeros(n),
         np.zeros((n, 2)),
@@ -232,9 +234,7 @@ def _empty_estimate(n: int) -> LaneEstimate:
     return LaneEstimate(*(np.empty(n, kinds.get(name, np.float64)) for name in LaneEstimate._fields))
 
 
-def border_columns(
-    state: LaneState, rows: Array, projection: Projection, furthest_m: float = REACH_M
-) -> Array:
+def border_columns(state: LaneState, rows: Array, projection: Projection, furthest_m: float = 150.0) -> Array:
     """(n, 2, rows) columns of the left and the right border at rows (y, up from the bottom, ascending).
 
     NaN beyond furthest_m and for vehicles without a lock; columns outside the image are given as they are.

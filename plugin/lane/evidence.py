@@ -1,0 +1,62 @@
+"""What speaks for a lane in one frame: the image's noise, rows with paint, a plausible state."""
+
+import math
+
+from plugin.lane.refine_fit import odds_of_paint, tally
+from plugin.lane.ridge import road_noise
+from plugin.lane.road_model import HEADING, KNOT, LEFT, OFFSET, PITCH, RIGHT, WIDTH
+from sumo_net.compile import kernel
+
+NEIGHBOUR_DIFFERENCE = 2.0 / math.sqrt(math.pi)  # mean |a - b| of two normal draws of deviation 1
+
+
+@kernel
+def pixel_noise(frame, rows, work):  # type: ignore[no-untyped-def]
+    """Standard deviation of a pixel on the road between the borders, from neighbours' differences."""
+    total, count = 0.0, 0
+    for r in range(0, rows.shape[0], 4):
+        left, right = work.border[LEFT, r, 0], work.border[RIGHT, r, 0]
+        if math.isnan(left) or math.isnan(right):
+            continue
+        inset = 0.12 * (right - left)
+        grain = road_noise(frame, frame.shape[0] - 1 - int(rows[r]), left + inset, right - inset)
+        if not math.isnan(grain):
+            total += grain
+            count += 1
+    return total / count / NEIGHBOUR_DIFFERENCE if count > 0 else 0.0
+
+
+@kernel
+def plausible(x, t):  # type: ignore[no-untyped-def]
+    """Whether a state can be a car in a lane."""
+    if not (t.min_width_m <= x[WIDTH] <= t.max_width_m):
+        return False
+    if not abs(x[HEADING]) < 0.3 or not abs(x[OFFSET]) < 0.5 * x[WIDTH] + t.outside_m:
+        return False
+    return abs(x[KNOT + 1]) < 0.02 and abs(x[KNOT + 3]) < 0.02 and abs(x[PITCH]) < 6.0 * t.pitch_std + 1e-6
+
+
+@kernel
+def side_seen(found, expected, t):  # type: ignore[no-untyped-def]
+    """Whether a border counts as measured in this frame."""
+    return found >= t.least_rows and found >= t.least_share * expected
+
+
+@kernel
+def support_of(work):  # type: ignore[no-untyped-def]
+    """Rows that speak for a lane; both borders count, the weaker one decides."""
+    left, _ = tally(work, LEFT)
+    right, _ = tally(work, RIGHT)
+    return min(left, 3 * right) + min(right, 3 * left)
+
+
+@kernel
+def share_of_paint(side, work):  # type: ignore[no-untyped-def]
+    """Share of the rows in which there is paint near a line; -1 where too few of them are in the image."""
+    found, expected = 0, 0
+    for r in range(work.expected.shape[1]):
+        if work.expected[side, r]:
+            expected += 1
+            if work.ridges[side, r] > 0 and odds_of_paint(work.ridge[side, r, 0, 1]) > 1.0:
+                found += 1
+    return found / expected if expected >= 6 else -1.0

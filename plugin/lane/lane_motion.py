@@ -1,0 +1,106 @@
+"""How the road model's state moves on: over a step, and over to a neighbouring lane."""
+
+import math
+
+from plugin.lane.road_model import (
+    HEADING,
+    KNOT,
+    KNOTS,
+    NEXT_LEFT,
+    NEXT_RIGHT,
+    OFFSET,
+    PITCH,
+    SPACING_M,
+    STATES,
+    TURN,
+    WIDTH,
+)
+from sumo_net.compile import kernel
+
+
+@kernel
+def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
+    """Move state and covariance on by one step in which the vehicle drove `advance` metres; returns phase."""
+    T = t.step_s
+    keep = math.exp(-T / t.turn_time_s)
+    drift = advance * T * 0.5
+    x[OFFSET] += advance * x[HEADING] + drift * x[TURN]
+    x[HEADING] += T * x[TURN]
+    x[TURN] *= keep
+    x[PITCH] *= t.pitch_keep
+    for j in range(NEXT_LEFT, NEXT_RIGHT + 1):
+        # neighbouring lanes are as wide as this one, more or less
+        x[j] = x[WIDTH] + t.next_keep * (x[j] - x[WIDTH])
+        P[j, :] *= t.next_keep
+        P[:, j] *= t.next_keep
+        P[j, j] += t.next_std * t.next_std * (1.0 - t.next_keep * t.next_keep)
+    for j in range(STATES):
+        P[OFFSET, j] += advance * P[HEADING, j] + drift * P[TURN, j]
+        P[HEADING, j] += T * P[TURN, j]
+        P[TURN, j] *= keep
+        P[PITCH, j] *= t.pitch_keep
+    for i in range(STATES):
+        P[i, OFFSET] += advance * P[i, HEADING] + drift * P[i, TURN]
+        P[i, HEADING] += T * P[i, TURN]
+        P[i, TURN] *= keep
+        P[i, PITCH] *= t.pitch_keep
+    phase += advance
+    while phase >= SPACING_M:
+        phase -= SPACING_M
+        _drop_knot(x, P, t)
+    P[OFFSET, OFFSET] += t.offset_walk * t.offset_walk
+    P[HEADING, HEADING] += t.heading_walk * t.heading_walk
+    P[WIDTH, WIDTH] += t.width_walk * t.width_walk
+    P[TURN, TURN] += t.turn_std * t.turn_std * (1.0 - keep * keep)
+    P[PITCH, PITCH] += t.pitch_std * t.pitch_std * (1.0 - t.pitch_keep * t.pitch_keep)
+    for j in range(KNOT, KNOT + KNOTS):
+        P[j, j] += t.knot_walk * t.knot_walk * advance
+    return phase
+
+
+@kernel
+def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
+    """The first knot fell behind: renumber, and append one whose curvature is the last one's ± bend_std,
+    drawn a little towards a straight road."""
+    last = KNOT + KNOTS - 1
+    for j in range(KNOT, last):
+        x[j] = x[j + 1]
+    for i in range(STATES):
+        for j in range(KNOT, last):
+            P[i, j] = P[i, j + 1]
+    for j in range(KNOT, last):
+        for i in range(STATES):
+            P[j, i] = P[j + 1, i]
+    # a clothoid goes on as a clothoid, and every road becomes straight again
+    g1, g2 = t.bend_keep + t.bend_slope, -t.bend_slope
+    x[last] = g1 * x[last - 1] + g2 * x[last - 2]
+    P[last, :] = g1 * P[last - 1] + g2 * P[last - 2]
+    P[:, last] = g1 * P[:, last - 1] + g2 * P[:, last - 2]
+    P[last, last] = g1 * P[last, last - 1] + g2 * P[last, last - 2] + t.bend_std * t.bend_std
+
+
+@kernel
+def shift_lane(x, P, side, t):  # type: ignore[no-untyped-def]
+    """Go over to the neighbouring lane: +1 left, -1 right. All lines stay where they are.
+
+    offset -= side (WIDTH + NEXT) / 2, the neighbour's width becomes the lane's, the lane's that of the
+    neighbour on the other side; of the new neighbour nothing is known.
+    """
+    near, other = (NEXT_LEFT, NEXT_RIGHT) if side > 0 else (NEXT_RIGHT, NEXT_LEFT)
+    half = 0.5 * side
+    aside = half * (x[WIDTH] + x[near])
+    x[OFFSET] -= aside
+    for j in range(KNOT, KNOT + KNOTS):
+        x[j] /= 1.0 - x[j] * aside  # the new centre line is an arc about the same centre
+    x[other], x[WIDTH] = x[WIDTH], x[near]
+    for j in range(STATES):
+        P[OFFSET, j] -= half * (P[WIDTH, j] + P[near, j])
+        P[other, j] = P[WIDTH, j]
+        P[WIDTH, j] = P[near, j]
+    for i in range(STATES):
+        P[i, OFFSET] -= half * (P[i, WIDTH] + P[i, near])
+        P[i, other] = P[i, WIDTH]
+        P[i, WIDTH] = P[i, near]
+    P[near, :] = 0.0
+    P[:, near] = 0.0
+    P[near, near] = t.next_std * t.next_std

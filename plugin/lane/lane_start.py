@@ -1,0 +1,162 @@
+"""Finding the lane from nothing, in one frame."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from plugin.lane.acquire import (
+    HALF_BINS,
+    PER_SEGMENT,
+    SEGMENTS,
+    STARTS,
+    initial_covariance,
+    lane_start,
+    parabola_as_candidates,
+    ridge_points,
+    vote,
+)
+from plugin.lane.evidence import pixel_noise, plausible, side_seen, support_of
+from plugin.lane.refine_fit import (
+    cholesky,
+    fit,
+    gather,
+    invert,
+    place_borders,
+    predict_spread,
+    solve,
+    tally,
+)
+from plugin.lane.road_model import HEADING, LEFT, LINES, OFFSET, RIGHT, STATES, WIDTH
+from sumo_net.compile import kernel
+
+Array = np.ndarray[Any, Any]
+
+
+class Room(NamedTuple):
+    """Work space of a start."""
+
+    point: Array
+    ridge: Array
+    bins: Array
+    smooth: Array
+    starts: Array
+    score: Array
+    trial: Array
+    predicted: Array
+    chosen: Array
+    x: Array
+    P: Array
+    covariance: Array
+    kept: Array
+    found: Array
+    expected: Array
+
+
+@kernel
+def room_for(rows):  # type: ignore[no-untyped-def]
+    """Room for `rows` image rows."""
+    return Room(
+        np.zeros((rows * SEGMENTS * PER_SEGMENT, 2)),
+        np.zeros((PER_SEGMENT, 2)),
+        np.zeros(2 * HALF_BINS + 1),
+        np.zeros(2 * HALF_BINS + 1),
+        np.zeros((STARTS, STATES)),
+        np.zeros(STARTS),
+        np.zeros(STATES),
+        np.zeros(STATES),
+        np.zeros(STATES),
+        np.zeros(STATES),
+        np.zeros((STATES, STATES)),
+        np.zeros((STATES, STATES)),
+        np.zeros((STATES, STATES)),
+        np.zeros((LINES, rows), np.bool_),
+        np.zeros((LINES, rows), np.bool_),
+    )
+
+
+@kernel
+def lean_to_lane(predicted, t, work, scratch):  # type: ignore[no-untyped-def]
+    """Add to the prior that a car mostly drives along its lane: heading 0 ± start_heading_std."""
+    for i in range(STATES):
+        scratch[i] = 0.0
+        for j in range(STATES):
+            scratch[i] += work.prior[i, j] * predicted[j]
+    work.prior[HEADING, HEADING] += 1.0 / (t.start_heading_std * t.start_heading_std)
+    if not cholesky(work.prior, work.factor):
+        return False
+    solve(work.factor, scratch)
+    predicted[:] = scratch
+    return True
+
+
+@kernel
+def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ignore[no-untyped-def]
+    """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane.
+
+    left, right: the search's a, b, c of this vehicle where `given`.
+    """
+    best = 0
+    trial, predicted = room.trial, room.predicted
+    lane_start(t, trial)
+    place_borders(trial, 0.0, rows, p, t, work)
+    noise = pixel_noise(frame, rows, work)
+    found = ridge_points(frame, rows, p, t, noise, work, room.ridge, room.point)
+    vote(room.point, found, t, room.bins, room.smooth, room.starts, room.score)
+    for attempt in range(STARTS + 1):
+        if attempt == STARTS:
+            if not given:
+                continue
+            lane_start(t, trial)
+            predicted[:] = trial
+            initial_covariance(P, t, 1.0, 0.05, t.lane_width_std_m, 2e-3)
+            if not invert(P, work.factor, work.prior):
+                continue
+            predict_spread(trial, P, 0.0, rows, p, t, work)
+            parabola_as_candidates(left, right, rows, work)
+            if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 3, work):
+                continue
+        else:
+            if room.score[attempt] <= 0.0:
+                continue
+            trial[:] = room.starts[attempt]
+        if not plausible(trial, t):
+            continue
+        predicted[:] = trial
+        predicted[WIDTH] = 0.5 * (predicted[WIDTH] + t.lane_width_m)
+        loose = 1.0 if attempt < STARTS else 2.0
+        initial_covariance(P, t, 0.15 * loose, 0.008 * loose, 0.3, 8e-4 * loose)
+        if not invert(P, work.factor, work.prior):
+            continue
+        predict_spread(trial, P, 0.0, rows, p, t, work)
+        if not lean_to_lane(predicted, t, work, room.x):
+            continue
+        noise = pixel_noise(frame, rows, work)
+        gather(frame, rows, t, noise, work)
+        if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 6, work):
+            continue
+        # again around the first result, with what it left open
+        if not invert(work.information, work.factor, room.covariance):
+            continue
+        predict_spread(trial, room.covariance, 0.0, rows, p, t, work)
+        gather(frame, rows, t, noise, work)
+        if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 5, work):
+            continue
+        found_left, expected_left = tally(work, LEFT)
+        found_right, expected_right = tally(work, RIGHT)
+        if not (side_seen(found_left, expected_left, t) and side_seen(found_right, expected_right, t)):
+            continue
+        if not plausible(trial, t) or abs(trial[OFFSET]) > 0.5 * trial[WIDTH] + 0.3:
+            continue
+        support = support_of(work)
+        if support > best and invert(work.information, work.factor, room.covariance):
+            best = support
+            room.chosen[:] = trial
+            room.kept[:, :] = room.covariance
+            room.found[:, :] = work.found
+            room.expected[:, :] = work.expected
+    if best > 0:
+        x[:] = room.chosen
+        P[:, :] = room.kept
+        work.found[:, :] = room.found
+        work.expected[:, :] = room.expected
+    return best
