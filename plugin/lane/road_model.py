@@ -74,8 +74,10 @@ def trace(x, phase, node):  # type: ignore[no-untyped-def]
         st = turned * (1.0 - square / 6.0)
         ct = 1.0 - 0.5 * square * (1.0 - square / 12.0)
         sine_new, cosine_new = sine * ct + cosine * st, cosine * ct - sine * st
-        forward += 0.5 * ds * (cosine + cosine_new)
-        left += 0.5 * ds * (sine + sine_new)
+        # trapezoids with the correction by the ends' derivatives: exact to the fifth power of ds
+        part = ds * ds / 12.0
+        forward += 0.5 * ds * (cosine + cosine_new) + part * (sine_new * k - sine * curvature)
+        left += 0.5 * ds * (sine + sine_new) - part * (cosine_new * k - cosine * curvature)
         station, curvature, sine, cosine = s, k, sine_new, cosine_new
         node[i, 0], node[i, 1], node[i, 2], node[i, 3], node[i, 4] = station, forward, left, sine, cosine
 
