@@ -29,11 +29,13 @@ def true_motion(truth: EgoTruth, ahead: RoadAhead, preview_m: float) -> MotionEs
         lateral_speed_mps=truth.lateral_speed_mps,
         yaw_rate_rps=truth.yaw_rate_rps,
         steer_rad=truth.steer_rad,
+        quick_steer_rad=np.full(len(truth.handle), np.nan),
         lateral_offset_m=truth.lane_offset_m,
         heading_error_rad=truth.lane_heading_rad,
         curvature_1pm=truth.curvature_1pm,
         curvature_rate_1pm2=np.nan_to_num(rate, nan=0.0),
         lane_width_m=truth.lane_width_m,
+        settled_s=np.full(len(truth.handle), np.inf),
         lane_shift=np.zeros(len(truth.handle), np.int8),
     )
 

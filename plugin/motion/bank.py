@@ -87,6 +87,7 @@ def init(n: int) -> BankState:
         np.full(n, np.nan),
         np.zeros(n),
         np.zeros(n),
+        np.zeros(n),
     )
 
 

@@ -38,6 +38,7 @@ class BankState(NamedTuple):
     width: Array  # (n,)
     heading: Array  # (n,) e_L as last measured
     unseen: Array  # (n,) s since the lane was last seen
+    settled: Array  # (n,) s since the start
 
 
 @kernel
@@ -95,6 +96,10 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
             second[2] += shift * width
             observe(first, j, s, steer, curvature, seen, y, e, new.lower[i])
             observe(second, j + 1, s, steer, curvature, seen, y, e, new.upper[i])
+        settled = 0.0
+        if state.running[i]:
+            settled = state.settled[i] + s.step
+        new.settled[i] = out.settled_s[i] = settled
         new.below[i], new.steer[i], new.curvature[i] = j, steer, curvature
         new.width[i], new.heading[i] = width, before
 
@@ -103,7 +108,7 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
         heading = w * new.upper[i, 3] + (1.0 - w) * new.lower[i, 3]
         out.lateral_speed_mps[i] = w * new.upper[i, 0] + (1.0 - w) * new.lower[i, 0]  # eq. 22, corrected
         out.yaw_rate_rps[i] = w * new.upper[i, 1] + (1.0 - w) * new.lower[i, 1]
-        out.steer_rad[i] = steer
+        out.steer_rad[i], out.quick_steer_rad[i] = steer, 0.0
         out.lateral_offset_m[i] = -offset + heading * s.preview - 0.5 * curvature * s.preview**2
         out.heading_error_rad[i] = curvature * s.preview - heading
         out.curvature_1pm[i], out.curvature_rate_1pm2[i] = curvature, 0.0
@@ -116,9 +121,10 @@ def forget(i, new, out):  # type: ignore[no-untyped-def]
     new.below[i] = 0
     for r in range(4):
         new.lower[i, r] = new.upper[i, r] = 0.0
-    new.steer[i] = new.curvature[i] = new.heading[i] = 0.0
+    new.steer[i] = new.curvature[i] = new.heading[i] = new.settled[i] = 0.0
     new.width[i] = math.nan
     out.lateral_speed_mps[i] = out.yaw_rate_rps[i] = out.steer_rad[i] = math.nan
+    out.quick_steer_rad[i], out.settled_s[i] = math.nan, 0.0
     out.lateral_offset_m[i] = out.heading_error_rad[i] = math.nan
     out.curvature_1pm[i] = out.curvature_rate_1pm2[i] = out.lane_width_m[i] = math.nan
     out.lane_shift[i] = 0

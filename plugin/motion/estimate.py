@@ -13,11 +13,13 @@ class MotionEstimate(NamedTuple):
     lateral_speed_mps: Array  # v_y at the centre of gravity
     yaw_rate_rps: Array  # γ
     steer_rad: Array  # δ_D, front wheels
+    quick_steer_rad: Array  # part of it that is unrest of hands and road and will not last; NaN: not known
     lateral_offset_m: Array  # filtered offset of the centre of gravity left of the lane centre
     heading_error_rad: Array  # filtered vehicle heading minus lane heading at the centre of gravity
     curvature_1pm: Array  # filtered lane curvature at the centre of gravity
     curvature_rate_1pm2: Array
     lane_width_m: Array  # filtered, known also while the observer coasts over frames without a lane
+    settled_s: Array  # since the estimate began anew or a look last contradicted it
     lane_shift: Array  # int8: +1 the offset refers to the lane on the left of the step before, -1 right
 
 

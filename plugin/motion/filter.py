@@ -2,9 +2,15 @@
 
 Where Zhang et al. 2011 take the steer for a known input, differentiated out of the picture, this filter keeps
 it as a state: the steer is what the road's curvature asks for (a little ahead of the vehicle) plus a residual
-that the driver adds, a lateral acceleration of Ornstein-Uhlenbeck kind behind the lag of arm and wheel.
-Offset and heading then show the residual, the single-track model makes yaw rate and lateral speed of it, and
-their own small noises stand for what the model does not know (load, wind).
+that the driver adds, a lateral acceleration of Ornstein-Uhlenbeck kind behind the lag of arm and wheel, plus
+a quick unrest around 1 Hz that makes nothing for long. Offset and heading then show the steer, the
+single-track model makes yaw rate and lateral speed of it; what it does not know (load, wind) are their own
+noises, of which the lateral speed's grows with the turn.
+
+The camera's errors are mostly not new in every look. A narrow camera sees the road from about `pivot_m` ahead
+on; what lies under the wheels comes from its memory. So heading and offset err together, as if the lane had
+been turned about that point: by an error that lasts for seconds (a state), and by a tracker that takes the
+car to roll without slip (in proportion to v_y).
 
 The model is linear for a given speed: Φ and Q are worked out on a table of speeds at set-up and interpolated.
 The exact discretisation of the single-track model becomes rolling without slip by itself as v → 0.
@@ -21,8 +27,11 @@ from plugin.motion import filter_kernels
 from plugin.motion.estimate import Array, MotionEstimate, blank
 from plugin.motion.filter_kernels import (
     AIM,
+    BIAS,
+    CALM,
     KRATE,
     PSI,
+    UNREST,
     VY,
     YAW,
     D,
@@ -47,33 +56,47 @@ _UNKNOWN_V_Y, _UNKNOWN_YAW = 0.2, 0.05  # standard deviations at first sight, m/
 class FilterSettings:
     """What the filter takes the camera, the road and the driver to be like. Standard deviations."""
 
-    offset_m: float = Field(0.01, gt=0, description="camera: what is new in a look, lateral offset")
-    heading_rad: float = Field(4e-4, gt=0, description="camera: what is new in a look, heading")
-    curvature_1pm: float = Field(4e-5, gt=0, description="camera: curvature at the preview point, a look")
+    offset_m: float = Field(0.002, gt=0, description="camera: what is new in a look, offset at pivot_m")
+    heading_rad: float = Field(1e-4, gt=0, description="camera: what is new in a look, heading")
+    curvature_1pm: float = Field(1e-5, gt=0, description="camera: curvature at the preview point, a look")
     curvature_rate_1pm2: float = Field(3e-6, gt=0, description="camera: change of curvature, a look")
     one_border_factor: float = Field(1.5, ge=1, description="on all four while one border only is seen")
+    heading_bias_rad: float = Field(4e-4, gt=0, description="camera: error of the heading that lasts")
+    heading_bias_time_s: float = Field(2.0, gt=0, description="camera: its correlation time")
+    pivot_m: float = Field(10.0, ge=0, description="camera: heading errors leave the lane so far ahead alone")
+    heading_per_slip: float = Field(
+        0.0055,
+        ge=0,
+        description="camera: rad by which the heading errs per m/s of v_y (tracker without slip)",
+    )
 
     road_curvature_rate_1pm2: float = Field(1.5e-5, gt=0, description="road: how fast curvature changes")
     road_length_m: float = Field(60.0, gt=0, description="road: correlation length of that change")
 
-    residual_mps2: float = Field(0.8, gt=0, description="driver: lateral acceleration beyond the road's")
+    residual_mps2: float = Field(0.3, gt=0, description="driver: lateral acceleration beyond the road's")
     residual_time_s: float = Field(1.5, gt=0, description="driver: its correlation time")
-    steer_lag_s: float = Field(0.3, gt=0, description="driver: how smoothly it is followed")
+    liveliness: float = Field(
+        1.0, ge=0, description="driver: grows by this share of what is steered for, 1/√s"
+    )
+    steer_lag_s: float = Field(0.15, gt=0, description="driver: how smoothly it is followed")
+    unrest_rad: float = Field(3.3e-4, gt=0, description="driver: quick unrest of the steer")
+    unrest_time_s: float = Field(0.16, gt=0, description="driver: most of it is at 1 / (2π · that) Hz")
     preview_s: float = Field(0.4, ge=0, le=3, description="driver: curvature is met from so far ahead")
     slow_mps: float = Field(8.0, gt=0, description="driver: below, the residual goes by distance")
 
-    lateral_speed_noise: float = Field(0.02, ge=0, description="model: v_y, m/s per √s")
-    yaw_rate_noise: float = Field(0.003, ge=0, description="model: γ, rad/s per √s")
-    heading_noise: float = Field(1e-4, ge=0, description="model: ψ, rad per √s")
+    lateral_speed_noise: float = Field(0.003, ge=0, description="model: v_y, m/s per √s")
+    slip_error: float = Field(0.02, ge=0, description="model: v̇_y errs by this share of v γ (load), √s")
+    yaw_rate_noise: float = Field(5e-4, ge=0, description="model: γ, rad/s per √s")
+    heading_noise: float = Field(1e-5, ge=0, description="model: ψ, rad per √s")
 
-    clip_sd: float = Field(4.0, gt=1, description="an innovation farther off counts less and less")
+    clip_sd: float = Field(3.0, gt=1, description="an innovation counts up to so many standard deviations")
     misfit_looks: int = Field(8, ge=1, description="so many looks in a row twice as far off start it anew")
     settle_s: float = Field(0.3, ge=0, description="nothing is said for so long after a start")
     width_share: float = Field(0.05, gt=0, le=1, description="of a new lane width in the filtered one")
 
 
 def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: float) -> tuple[Array, Array]:
-    """F (8, 8) and the noise input G (8, 8), unit white noises, of dx/dt = F x + G w."""
+    """F (11, 11) and the noise input G (11, 11), unit white noises, of dx/dt = F x + G w."""
     c, v = settings, speed_mps
     F, G = np.zeros((N, N)), np.zeros((N, N))
     A, B = single_track(vehicle, max(v, _STANDSTILL_MPS))
@@ -86,10 +109,22 @@ def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: floa
     F[KRATE, KRATE] = -v / c.road_length_m
     F[R, R], F[R, AIM] = -1.0 / c.steer_lag_s, 1.0 / c.steer_lag_s
     F[AIM, AIM] = -1.0 / c.residual_time_s
+    # The driver's quick unrest: a noise u less its own slow part w, each half of the variance.
+    F[:2, UNREST], F[:2, CALM] = B[:, 0] * _per_unrest(c), -B[:, 0] * _per_unrest(c)
+    F[UNREST, UNREST] = F[CALM, CALM] = -1.0 / c.unrest_time_s
+    F[CALM, UNREST] = 1.0 / c.unrest_time_s
+    F[BIAS, BIAS] = -1.0 / c.heading_bias_time_s
     G[VY, VY], G[YAW, YAW], G[PSI, PSI] = c.lateral_speed_noise, c.yaw_rate_noise, c.heading_noise
     G[KRATE, KRATE] = c.road_curvature_rate_1pm2 * math.sqrt(2.0 * v / c.road_length_m)
     G[AIM, AIM] = c.residual_mps2 * math.sqrt(2.0 / c.residual_time_s)
+    G[UNREST, UNREST] = math.sqrt(2.0 / c.unrest_time_s)
+    G[BIAS, BIAS] = c.heading_bias_rad * math.sqrt(2.0 / c.heading_bias_time_s)
     return F, G
+
+
+def _per_unrest(settings: FilterSettings) -> float:
+    """Steer in rad per unit of u − w, whose variance is a half where that of u is one."""
+    return settings.unrest_rad * math.sqrt(2.0)
 
 
 def discretise(F: Array, G: Array, step_s: float) -> tuple[Array, Array]:
@@ -117,14 +152,13 @@ def schedule(
     c = settings
     speeds = np.arange(0.0, _FASTEST_MPS + 1e-9, _TABLE_STEP_MPS)
     held = [discretise(*continuous_model(vehicle, c, float(v)), step_s) for v in speeds]
-    H = np.zeros((M, N))
-    H[0, D] = H[1, PSI] = H[2, K] = H[3, KRATE] = 1.0
-    H[2, KRATE] = preview_m
-    covariance = np.diag([c.offset_m, c.heading_rad, c.curvature_1pm, c.curvature_rate_1pm2]) ** 2
-    W = np.linalg.inv(np.linalg.cholesky(covariance))
+    H, R = measurement(c, preview_m)
+    W = np.linalg.inv(np.linalg.cholesky(R))
     near = c.curvature_1pm + preview_m * c.curvature_rate_1pm2
-    seen = [c.offset_m, c.heading_rad, near, c.curvature_rate_1pm2]
-    first = np.array([_UNKNOWN_V_Y, _UNKNOWN_YAW, *seen, c.residual_mps2, c.residual_mps2])
+    heading = math.hypot(c.heading_rad, c.heading_bias_rad)
+    seen = [math.hypot(c.offset_m, c.pivot_m * heading), heading, near, c.curvature_rate_1pm2]
+    own = [c.residual_mps2, c.residual_mps2, 1.0, math.sqrt(0.5), c.heading_bias_rad]
+    first = np.array([_UNKNOWN_V_Y, _UNKNOWN_YAW, *seen, *own])
     turns = [_turn(vehicle, max(float(v), _STANDSTILL_MPS)) for v in speeds]
     return FilterSchedule(
         np.array([transition for transition, _ in held]),
@@ -134,6 +168,9 @@ def schedule(
         first**2,
         W @ H,
         W,
+        _per_unrest(c),
+        c.slip_error,
+        c.liveliness,
         _TABLE_STEP_MPS,
         preview_m,
         step_s,
@@ -144,6 +181,20 @@ def schedule(
         c.one_border_factor,
         c.width_share,
     )
+
+
+def measurement(settings: FilterSettings, preview_m: float) -> tuple[Array, Array]:
+    """H (4, 11) and R (4, 4) of a look (d, ψ, K_L, K')."""
+    c = settings
+    H = np.zeros((M, N))
+    H[0, D] = H[1, PSI] = H[2, K] = H[3, KRATE] = 1.0
+    H[2, KRATE] = preview_m
+    H[1, BIAS], H[0, BIAS] = 1.0, -c.pivot_m
+    H[1, VY], H[0, VY] = c.heading_per_slip, -c.pivot_m * c.heading_per_slip
+    R = np.diag([c.offset_m, c.heading_rad, c.curvature_1pm, c.curvature_rate_1pm2]) ** 2
+    R[0, 0] += (c.pivot_m * c.heading_rad) ** 2
+    R[0, 1] = R[1, 0] = -c.pivot_m * c.heading_rad**2
+    return H, R
 
 
 def _turn(vehicle: Vehicle, speed_mps: float) -> Array:
@@ -162,6 +213,7 @@ def init(n: int) -> FilterState:
         np.zeros(n),
         np.zeros(n),
         np.zeros(n, np.int32),
+        np.zeros(n),
     )
 
 

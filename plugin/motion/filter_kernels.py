@@ -1,8 +1,9 @@
-"""Kernel of the camera-only motion filter over the fleet: a Kalman filter of eight states a vehicle.
+"""Kernel of the camera-only motion filter over the fleet: a Kalman filter of eleven states a vehicle.
 
-x = (v_y, γ, d, ψ, K, K', r, q): lateral speed and yaw rate, offset and heading to the lane, the lane's
-curvature at the vehicle and its change along the lane, the lateral acceleration that the driver steers for
-beyond the road's, and where the arms are leading it.
+x = (v_y, γ, d, ψ, K, K', r, q, u, w, b): lateral speed and yaw rate, offset and heading to the lane, the
+lane's curvature at the vehicle and its change along the lane, the lateral acceleration that the driver steers
+for beyond the road's, and where the arms are leading it; u − w, the quick unrest of the steer, and w its slow
+part; b, the slowly varying error of the camera's heading.
 """
 
 import math
@@ -13,28 +14,32 @@ import numpy as np
 from plugin.motion.estimate import Array
 from sumo_net.compile import kernel
 
-N = 8  # states
+N = 11  # states
 M = 4  # measurements
-VY, YAW, D, PSI, K, KRATE, R, AIM = range(N)
+VY, YAW, D, PSI, K, KRATE, R, AIM, UNREST, CALM, BIAS = range(N)
+_GROSS = 2.0  # so many times off the clip an innovation is an error, no manoeuvre
 
 
 class FilterSchedule(NamedTuple):
     """Everything of the filter that is worked out before driving; m speeds from 0, equally spaced."""
 
-    transition: Array  # (m, 8, 8) Φ
-    noise: Array  # (m, 8, 8) Q
+    transition: Array  # (m, 11, 11) Φ
+    noise: Array  # (m, 11, 11) Q
     steer: Array  # (m, 3) δ_D = steer · (K, K', r)
     steady: Array  # (m, 2) (v_y, γ) in a steady turn, for curvature 1
-    initial: Array  # (8,) variances on first sight, of what that look does not tell
-    whitened: Array  # (4, 8) W H: measurements (d, ψ, K_L, K') of unit variance, uncorrelated
+    initial: Array  # (11,) variances on first sight, of what that look does not tell
+    whitened: Array  # (4, 11) W H: measurements (d, ψ, K_L, K') of unit variance, uncorrelated
     whitener: Array  # (4, 4) W
+    quick: float  # rad, of UNREST − CALM
+    slip_error: float  # √s of the share of v γ that the model's v̇_y errs by
+    liveliness: float  # 1/√s, how much more the aim varies with what is steered for
     spacing: float  # m/s between two speeds
     preview: float
     step: float
     coast: float  # s
     settle: float  # s
-    clip: float  # innovations beyond so many standard deviations count less and less
-    misfits: int  # so many looks in a row twice as far off start the filter anew
+    clip: float  # innovations count up to so many standard deviations
+    misfits: int  # so many looks in a row grossly off start the filter anew
     one_border: float  # factor on the standard deviations while one border only is seen
     width_gain: float
 
@@ -43,12 +48,13 @@ class FilterState(NamedTuple):
     """The filter of n vehicles."""
 
     running: Array  # (n,) bool
-    x: Array  # (n, 8)
-    P: Array  # (n, 8, 8)
+    x: Array  # (n, 11)
+    P: Array  # (n, 11, 11)
     width: Array  # (n,)
     unseen: Array  # (n,) s since the lane was last seen
     age: Array  # (n,) s since the filter started
     misfits: Array  # (n,) int32 looks in a row that did not fit
+    settled: Array  # (n,) s since the start or since a look last contradicted the state
 
 
 @kernel
@@ -76,15 +82,19 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
         j = int(at)
         w = at - j
         x, P = new.x[i], new.P[i]
-        shift, misfits, age = 0, 0, 0.0
+        shift, misfits, age, settled = 0, 0, 0.0, 0.0
         width = lane.lane_width_m[i] if seen else state.width[i]
         if running:
             age, misfits = state.age[i] + s.step, state.misfits[i]
+            settled = state.settled[i] + s.step
             if math.isfinite(state.width[i]):
                 width = state.width[i]
                 if seen and math.isfinite(lane.lane_width_m[i]):
                     width += s.width_gain * (lane.lane_width_m[i] - width)
             predict(state.x[i], state.P[i], j, w, s, F, Q, half, x, P)
+            # Another load errs with the turn; who steers much is about to steer otherwise.
+            P[VY, VY] += s.step * (s.slip_error * v * x[YAW]) ** 2
+            P[AIM, AIM] += s.step * (s.liveliness * x[R]) ** 2
             if math.isfinite(width):
                 shift = int(lane.lane_shift[i])
                 x[D] -= shift * width
@@ -95,14 +105,18 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
                     x[D] -= jump * width
                     shift += jump
                 spread = s.one_border if borders == 1 else 1.0
-                misfits = misfits + 1 if update(x, P, z, spread, s, gain, PH) else 0
+                off = update(x, P, z, spread, s, gain, PH)
+                misfits = misfits + 1 if off > _GROSS * s.clip else 0
+                if off > s.clip:
+                    settled = 0.0
                 running = misfits <= s.misfits
         if not running:
             begin(z, j, w, v, s, x, P)
-            age, misfits = 0.0, 0
+            age, misfits, settled = 0.0, 0, 0.0
         new.running[i], new.width[i], new.unseen[i] = True, width, unseen
-        new.age[i], new.misfits[i] = age, misfits
+        new.age[i], new.misfits[i], new.settled[i] = age, misfits, settled
         report(i, x, j, w, s, age, width, shift, out)
+        out.settled_s[i] = settled
 
 
 @kernel
@@ -132,8 +146,10 @@ def predict(x0, P0, j, w, s, F, Q, half, x, P):  # type: ignore[no-untyped-def]
 
 @kernel
 def update(x, P, z, spread, s, gain, PH):  # type: ignore[no-untyped-def]
-    """One whitened measurement after the other (eqs. 17 to 19); True when one did not fit at all."""
-    misfit = False
+    """One whitened measurement after the other (eqs. 17 to 19); returns by how many standard deviations the
+    worst was off.
+    """
+    worst = 0.0
     for m in range(M):
         S, residual = spread * spread, 0.0
         for k in range(M):
@@ -146,16 +162,18 @@ def update(x, P, z, spread, s, gain, PH):  # type: ignore[no-untyped-def]
         for r in range(N):
             S += s.whitened[m, r] * PH[r]
         limit = s.clip * math.sqrt(S)
-        if abs(residual) > limit:  # the farther off, the less it counts
-            misfit = misfit or abs(residual) > 2.0 * limit
-            residual = limit * limit / residual
+        worst = max(worst, abs(residual) / math.sqrt(S))
+        if abs(residual) > _GROSS * limit:  # the farther off, the less it counts
+            residual = _GROSS * limit * limit / residual
+        elif abs(residual) > limit:
+            residual = math.copysign(limit, residual)
         for r in range(N):
             gain[r] = PH[r] / S
             x[r] += gain[r] * residual
         for r in range(N):
             for c in range(r + 1):
                 P[r, c] = P[c, r] = P[r, c] - gain[r] * PH[c]
-    return misfit
+    return worst
 
 
 @kernel
@@ -180,7 +198,9 @@ def report(i, x, j, w, s, age, width, shift, out):  # type: ignore[no-untyped-de
     out.curvature_1pm[i], out.curvature_rate_1pm2[i] = x[K], x[KRATE]
     here = s.steer[j, 0] * x[K] + s.steer[j, 1] * x[KRATE] + s.steer[j, 2] * x[R]
     next_ = s.steer[j + 1, 0] * x[K] + s.steer[j + 1, 1] * x[KRATE] + s.steer[j + 1, 2] * x[R]
-    out.steer_rad[i] = (1.0 - w) * here + w * next_
+    quick = s.quick * (x[UNREST] - x[CALM])
+    out.steer_rad[i] = (1.0 - w) * here + w * next_ + quick
+    out.quick_steer_rad[i] = quick
     out.lane_width_m[i], out.lane_shift[i] = width, shift
     if age < s.settle - 1e-9:
         unknown(i, out)
@@ -191,7 +211,7 @@ def report(i, x, j, w, s, age, width, shift, out):  # type: ignore[no-untyped-de
 def forget(i, new, out):  # type: ignore[no-untyped-def]
     """Vehicle i knows nothing: NaN in the estimate, a clean state."""
     new.running[i], new.age[i], new.misfits[i] = False, 0.0, 0
-    new.width[i], new.unseen[i] = math.nan, 0.0
+    new.width[i], new.unseen[i], new.settled[i] = math.nan, 0.0, 0.0
     for r in range(N):
         new.x[i, r] = 0.0
         for c in range(N):
@@ -203,6 +223,7 @@ def forget(i, new, out):  # type: ignore[no-untyped-def]
 def unknown(i, out):  # type: ignore[no-untyped-def]
     """NaN in row i of a MotionEstimate."""
     out.lateral_speed_mps[i] = out.yaw_rate_rps[i] = out.steer_rad[i] = math.nan
+    out.quick_steer_rad[i], out.settled_s[i] = math.nan, 0.0
     out.lateral_offset_m[i] = out.heading_error_rad[i] = math.nan
     out.curvature_1pm[i] = out.curvature_rate_1pm2[i] = out.lane_width_m[i] = math.nan
     out.lane_shift[i] = 0

@@ -1,7 +1,8 @@
 """Where the vehicle will be: the path of the next seconds from (v, v_y, γ, δ, K) (Zhang et al. 2011, 4.2).
 
 `paper` holds the steer. `refined` lets the driver follow the road that the camera sees ahead and lets what
-the driver steers beyond that fade, with a weak return to the lane. The two assumptions that Z11 criticises,
+the driver steers beyond that fade, with a return to the lane; the quick unrest of the steer, where the
+observer tells it apart, ends within half a second. The two assumptions that Z11 criticises,
 constant lateral velocity and constant turn radius, are here as baselines.
 """
 
@@ -25,11 +26,15 @@ class PredictionSettings:
     mode: Literal["paper", "refined"] = Field("refined", description="steer held, or the road followed")
     horizon_s: float = Field(3.0, gt=0, le=10, description="how far ahead")
     step_s: float = Field(0.1, gt=0, le=0.5, description="between two points of the path")
-    residual_time_s: float = Field(2.0, gt=0, description="the steer beyond the road's fades so; huge: held")
+    residual_time_s: float = Field(3.0, gt=0, description="the steer beyond the road's fades so; huge: held")
     steer_lag_s: float = Field(0.15, gt=0, description="lag of arm and wheel")
+    unrest_rad: float = Field(3.3e-4, ge=0, description="quick unrest of the steer, which does not last")
+    unrest_time_s: float = Field(0.16, gt=0, description="most of it is at 1 / (2π · that) Hz")
+    calm_mps2: float = Field(0.12, gt=0, description="what a steady driver corrects by")
+    unrest_doubt: float = Field(0.5, ge=0, description="the more is steered, the less of it is unrest")
     preview_s: float = Field(0.4, ge=0, le=3, description="the driver meets curvature from so far ahead")
     slow_mps: float = Field(8.0, gt=0, description="below, the residual goes by distance")
-    return_gain: float = Field(0.5, ge=0, le=1, description="share of full lane keeping, 0 none")
+    return_gain: float = Field(1.0, ge=0, le=1, description="share of full lane keeping, 0 none")
     return_bandwidth_rps: float = Field(0.7, gt=0, le=2, description="natural frequency of lane keeping")
     return_damping: float = Field(0.8, gt=0, le=2, description="damping ratio of lane keeping")
     curvature_reach_m: float = Field(80.0, ge=0, description="how far the change of curvature is believed")
@@ -51,6 +56,10 @@ def predictor(vehicle: Vehicle, settings: PredictionSettings) -> Predictor:
         c.mode == "refined",
         1.0 / c.residual_time_s,
         c.steer_lag_s,
+        c.unrest_rad,
+        1.0 / c.unrest_time_s,
+        c.calm_mps2,
+        c.unrest_doubt,
         c.preview_s,
         c.slow_mps,
         c.return_gain * c.return_bandwidth_rps**2,

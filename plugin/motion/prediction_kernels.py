@@ -23,6 +23,10 @@ class Predictor(NamedTuple):
     follows_road: bool  # False: steer held (paper)
     residual_rate: float  # 1/s, 0 holds the residual
     lag: float  # s
+    unrest: float  # rad, standard deviation of the quick unrest
+    unrest_rate: float  # 1/s
+    calm: float  # m/s², residual of a steady driver
+    doubt: float  # how much less of a larger residual is taken for unrest
     preview: float  # s
     slow: float  # m/s
     stiffness: float  # 1/s², return to the lane centre
@@ -84,6 +88,15 @@ def travel(x, y, heading, s, d, psi, v, v_y0, v_y1, yaw0, yaw1, k, rate, reach, 
 
 
 @kernel
+def unrest_share(beyond, calm, unrest, doubt):  # type: ignore[no-untyped-def]
+    """Share of the steer beyond the road's that is quick unrest, to be expected when that is not known.
+
+    Of two normal parts with deviations `unrest` and `calm`; who steers far more than that means it.
+    """
+    return unrest * unrest / (unrest * unrest + calm * calm + doubt * beyond * beyond)
+
+
+@kernel
 def single_track(motion, speed, q, out):  # type: ignore[no-untyped-def]
     """Trajectory by the single-track model from (v, v_y, γ, δ, K) for n vehicles, into `out`."""
     for i in range(speed.size):
@@ -95,11 +108,17 @@ def single_track(motion, speed, q, out):  # type: ignore[no-untyped-def]
         per = q.model.l_f + q.model.l_r + q.understeer * v * v
         share = per / max(v, q.slow) ** 2
         ahead = q.preview * v
-        residual = (steer - per * road(k, rate, ahead, q.reach)) / share
+        beyond = steer - per * road(k, rate, ahead, q.reach)
+        u, w = motion.quick_steer_rad[i], 0.0
+        if math.isnan(u):
+            u = beyond * unrest_share(beyond, q.calm * share, q.unrest, q.doubt)
+        residual = (beyond - u) / share
         drift = v * math.sin(psi) + v_y * math.cos(psi)
         aim = residual + q.stiffness * d + q.damping * drift  # the driver's own, as the feedback leaves it
         fade = math.exp(-q.residual_rate * q.step)
         follow = 1.0 - math.exp(-q.step / q.lag)
+        turns = q.step * q.unrest_rate
+        keep = math.exp(-turns)
         for j in range(q.steps):
             mean_steer = steer
             if q.follows_road:
@@ -107,7 +126,9 @@ def single_track(motion, speed, q, out):  # type: ignore[no-untyped-def]
                 before = residual
                 residual += follow * (aim - q.stiffness * d - q.damping * drift - residual)
                 asked = per * road(k, rate, s + 0.5 * q.step * v + ahead, q.reach)
-                mean_steer = asked + 0.5 * share * (before + residual)
+                quick = u - w
+                u, w = keep * u, keep * (w + turns * u)
+                mean_steer = asked + 0.5 * (share * (before + residual) + quick + u - w)
             v_y1 = e11 * v_y + e12 * yaw + g1 * mean_steer
             yaw1 = e21 * v_y + e22 * yaw + g2 * mean_steer
             x, y, heading, s, d, psi = travel(

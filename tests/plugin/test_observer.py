@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from plugin.motion import observer
 from plugin.motion.bank_kernels import BankSchedule
 from plugin.motion.estimate import MotionEstimate
-from plugin.motion.filter import FilterSettings, continuous_model
+from plugin.motion.filter import FilterSettings, continuous_model, measurement
 from plugin.motion.filter_kernels import N, predict, update
 from plugin.motion.observer import ObserverSettings
 from sumo_net.batch import join, select
@@ -18,15 +18,17 @@ from sumo_net.settings import SettingsError, read
 from sumo_net.vehicle import Vehicle, steady_state
 
 HALF = Vehicle()
-CAMERA = {"offset_m": 0.015, "heading_rad": 5e-4, "curvature_1pm": 1e-4, "curvature_rate_1pm2": 5e-6}
-SIGNED = MotionEstimate._fields[:7]
+# white noise, as large as what is new in a look of the lane tracker in rendered frames
+CAMERA = {"offset_m": 0.003, "heading_rad": 1.5e-4, "curvature_1pm": 2e-5, "curvature_rate_1pm2": 3e-6}
+NO_SLIP_ERROR = ObserverSettings(filter=FilterSettings(heading_per_slip=0.0))  # looks() makes none
+SIGNED = MotionEstimate._fields[:8]
 UNCLIPPED = FilterSettings(clip_sd=1e9)
 UNCLIPPED_SCHEDULE = observer.schedule(HALF, PREVIEW_M, ObserverSettings(filter=UNCLIPPED))
 
 
 @pytest.fixture(scope="module")
 def schedule():
-    return observer.schedule(HALF, PREVIEW_M, ObserverSettings())
+    return observer.schedule(HALF, PREVIEW_M, NO_SLIP_ERROR)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +51,7 @@ def column(rows, name):
 
 def relative_rmse(estimate, truth, during):
     error = estimate[during] - truth[during, None]
-    return float(np.sqrt(np.mean(error**2)) / np.abs(truth).max())
+    return float(np.sqrt(np.nanmean(error**2)) / np.abs(truth).max())
 
 
 def test_lane_change_at_90_kmh_within_a_tenth_of_the_peak(schedule, change):
@@ -64,16 +66,66 @@ def test_twice_the_noise_costs_less_than_twice(schedule, change):
     noise = {name: 2.0 * value for name, value in CAMERA.items()}
     _, rows = run(schedule, change, looks(change, np.random.default_rng(1), 200, **noise))
     during = slice(20, 75)
+    assert np.isnan(column(rows, "yaw_rate_rps")[during]).mean() < 0.02  # some were started anew
     assert relative_rmse(column(rows, "yaw_rate_rps"), change.yaw_rate_rps, during) < 0.20
     assert relative_rmse(column(rows, "lateral_speed_mps"), change.lateral_speed_mps, during) < 0.10
 
 
-def test_filters_offset_and_heading_below_the_cameras_noise(schedule, change):
+def test_filters_the_offset_below_the_cameras_noise(schedule, change):
     _, rows = run(schedule, change, looks(change, np.random.default_rng(2), 200, **CAMERA))
     offset = column(rows, "lateral_offset_m")[20:] - change.offset_m[20:, None]
-    heading = column(rows, "heading_error_rad")[20:] - change.heading_rad[20:, None]
-    assert offset.std() < 0.6 * CAMERA["offset_m"]
-    assert heading.std() < 0.9 * CAMERA["heading_rad"]
+    assert offset.std() < 0.7 * CAMERA["offset_m"]
+
+
+def tracked(truth, seen, lasting_rad, per_slip, rng):
+    """The looks with heading errors that last or go with v_y, the lane turned about 10 m ahead."""
+    lasting, out = lasting_rad * rng.standard_normal(len(seen[0].score)), []
+    keep = np.exp(-0.1 / 2.0)
+    for k, look in enumerate(seen):
+        lasting = keep * lasting + np.sqrt(1 - keep**2) * lasting_rad * rng.standard_normal(len(lasting))
+        error = lasting + per_slip * truth.lateral_speed_mps[k]
+        out.append(
+            look._replace(
+                heading_error_rad=look.heading_error_rad + error,
+                lateral_offset_m=look.lateral_offset_m - 10.0 * error,
+                preview_heading_rad=look.preview_heading_rad - error,
+            )
+        )
+    return out
+
+
+def test_tells_the_trackers_lasting_errors_from_the_motion(change):
+    rng = np.random.default_rng(3)
+    seen = tracked(change, looks(change, rng, 200, **CAMERA), 4e-4, 0.0055, rng)
+    _, rows = run(observer.schedule(HALF, PREVIEW_M, ObserverSettings()), change, seen)
+    during = slice(20, 75)
+    assert relative_rmse(column(rows, "yaw_rate_rps"), change.yaw_rate_rps, during) < 0.10
+    assert relative_rmse(column(rows, "lateral_speed_mps"), change.lateral_speed_mps, during) < 0.05
+    heading = column(rows, "heading_error_rad")[during] - change.heading_rad[during, None]
+    camera = np.array([look.heading_error_rad for look in seen])[during] - change.heading_rad[during, None]
+    assert heading.std() < 0.5 * camera.std()
+
+
+def test_contradicted_looks_are_told(schedule, change):
+    seen = looks(change, None, 2)
+    assert run(schedule, change, seen[:15])[1][-1].settled_s == pytest.approx(1.4)
+    seen[12] = seen[12]._replace(lateral_offset_m=seen[12].lateral_offset_m + np.array([0.3, 0.0]))
+    assert run(schedule, change, seen[:13])[1][-1].settled_s == pytest.approx([0.0, 1.2])
+
+
+@pytest.mark.parametrize(("slip_error", "off"), [(0.02, 0.18), (0.10, 0.10)])
+def test_camera_corrects_the_slip_of_a_full_load(slip_error, off):
+    # about Z11's third run (80 km/h, δ 0.01); the observer takes the car for half loaded, which alone errs by
+    # a fifth. The default leaves most of that: a slip freer than that would follow the tracker's errors.
+    vehicle, v, k = Vehicle(mass_kg=1460.0), 80 / 3.6, 0.0036
+    steer = k * (vehicle.wheelbase_m + vehicle.understeer * v**2)
+    slip, yaw = steady_state(vehicle, v, steer)
+    truth = drive(vehicle, lambda *_: steer, lambda t: v, lambda s: k, 8.0, (slip, yaw, 0.0, 0.2, -slip / v))
+    free = ObserverSettings(filter=FilterSettings(heading_per_slip=0.0, slip_error=slip_error))
+    _, rows = run(observer.schedule(HALF, PREVIEW_M, free), truth, looks(truth))
+    late = truth.time_s >= 2.0
+    assert column(rows, "yaw_rate_rps")[late, 0] == pytest.approx(yaw, rel=0.02)
+    assert column(rows, "lateral_speed_mps")[late, 0] == pytest.approx(slip, rel=off)
 
 
 @pytest.mark.parametrize("mass_kg", [960.0, 1215.0])
@@ -84,7 +136,7 @@ def test_steady_turn_without_noise(mass_kg, kmh):
     slip, yaw = steady_state(vehicle, v, steer)
     start = (slip, yaw, 0.0, 0.2, -slip / v)
     truth = drive(vehicle, lambda *_: steer, lambda t: v, lambda s: 0.002, duration_s=4.0, start=start)
-    _, rows = run(observer.schedule(vehicle, PREVIEW_M, ObserverSettings()), truth, looks(truth))
+    _, rows = run(observer.schedule(vehicle, PREVIEW_M, NO_SLIP_ERROR), truth, looks(truth))
     assert rows[-1].yaw_rate_rps == pytest.approx(yaw, rel=5e-3)
     assert rows[-1].lateral_speed_mps == pytest.approx(slip, rel=0.02, abs=2e-3)
     assert rows[-1].steer_rad == pytest.approx(steer, rel=0.01)
@@ -142,15 +194,12 @@ def test_step_is_the_textbook_kalman_filter_and_keeps_the_covariance(P, x, speed
     assert new_P == pytest.approx(want_P, rel=1e-9, abs=1e-12)
 
     z = np.array([0.1, 0.01, 0.002, 1e-5])
-    H = np.linalg.solve(s.whitener, s.whitened)
-    R = np.diag(
-        [settings.offset_m, settings.heading_rad, settings.curvature_1pm, settings.curvature_rate_1pm2]
-    )
-    gain = want_P @ H.T @ np.linalg.inv(H @ want_P @ H.T + R**2)
-    assert not update(new_x, new_P, z, 1.0, s, np.empty(N), np.empty(N))
+    H, R = measurement(settings, PREVIEW_M)
+    gain = want_P @ H.T @ np.linalg.inv(H @ want_P @ H.T + R)
+    assert update(new_x, new_P, z, 1.0, s, np.empty(N), np.empty(N)) >= 0.0
     assert new_x == pytest.approx(want_x + gain @ (z - H @ want_x), abs=1e-7)
     rest = np.eye(N) - gain @ H
-    assert new_P == pytest.approx(rest @ want_P @ rest.T + gain @ R**2 @ gain.T, abs=1e-7)
+    assert new_P == pytest.approx(rest @ want_P @ rest.T + gain @ R @ gain.T, abs=1e-7)
     assert np.linalg.eigvalsh(new_P).min() > -1e-12
 
 

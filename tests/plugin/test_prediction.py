@@ -14,7 +14,7 @@ from plugin.motion.prediction import (
     predict,
     predictor,
 )
-from plugin.motion.prediction_kernels import hold
+from plugin.motion.prediction_kernels import hold, unrest_share
 from sumo_net.batch import select
 from sumo_net.vehicle import Vehicle, model, single_track, steady_state, zero_order_hold
 
@@ -23,9 +23,16 @@ METHODS = {"predict": predict, "constant velocity": constant_velocity, "constant
 
 
 def motion(
-    lateral_speed=0.0, yaw_rate=0.0, steer=0.0, offset=0.0, heading=0.0, curvature=0.0, curvature_rate=0.0
+    lateral_speed=0.0,
+    yaw_rate=0.0,
+    steer=0.0,
+    offset=0.0,
+    heading=0.0,
+    curvature=0.0,
+    curvature_rate=0.0,
+    quick=0.0,
 ):
-    values = (lateral_speed, yaw_rate, steer, offset, heading, curvature, curvature_rate, 3.75)
+    values = (lateral_speed, yaw_rate, steer, quick, offset, heading, curvature, curvature_rate, 3.75, np.inf)
     parts = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, float)) for value in values))
     return MotionEstimate(*(np.ascontiguousarray(part) for part in parts), np.zeros(len(parts[0]), np.int8))
 
@@ -116,6 +123,24 @@ def test_residual_fades_with_its_time_constant():
     assert np.all(np.diff(offsets) > 0)
     held = predict(m, speed(25.0, m), predictor(HALF, PredictionSettings(mode="paper")))
     assert offsets[-1] == pytest.approx(held.lane_offset_m[0, -1], abs=1e-3)
+
+
+def test_quick_steer_makes_nothing_for_long():
+    # u − w with w = 0 at first sums up to nothing: a share ends as sideways speed, none as heading
+    held, quick = motion(steer=0.001, quick=0.0), motion(steer=0.001, quick=0.001)
+    free = predictor(HALF, PredictionSettings(return_gain=0.0, residual_time_s=1e9))
+    path, other = (predict(m, speed(25.0, m), free) for m in (quick, held))
+    assert abs(path.heading_rad[0, -1]) < 0.01 * other.heading_rad[0, -1]
+    assert abs(path.left_m[0, -1]) < 0.03 * other.left_m[0, -1]
+
+
+def test_unknown_share_of_quick_steer_is_what_is_to_be_expected():
+    assert unrest_share(1e-4, 3e-4, 3e-4, 0.0) == pytest.approx(0.5)
+    assert unrest_share(0.02, 3e-4, 3e-4, 0.5) < 1e-3  # a lane change is meant
+    unknown, half = motion(steer=0.0, quick=np.nan), motion(steer=0.0, quick=0.0)
+    settings = predictor(HALF, PredictionSettings())
+    for a, b in zip(*(predict(m, speed(25.0, m), settings) for m in (unknown, half)), strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 def test_lane_keeping_leads_back_to_the_centre():
