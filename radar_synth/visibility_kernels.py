@@ -142,7 +142,7 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
     """Sightings of n vehicles into `out`, which is NaN before."""
     n, M = objects.forward_m.shape
     faces, count = np.empty((M, 2, 6)), np.zeros(M, np.int64)
-    low, high = np.empty(M), np.empty(M)
+    low, high, near, far = np.empty(M), np.empty(M), np.empty(M), np.empty(M)
     hidden, open_ = np.empty((M, 2)), np.empty((M + 1, 2))
     for i in range(n):
         # The radar's own velocity over ground: that of the centre of gravity and of the turn about it.
@@ -156,24 +156,29 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
             count[m] = _faces(
                 x, y, objects.heading_rad[i, m], objects.length_m[i, m], objects.width_m[i, m], faces[m]
             )
-            low[m], high[m] = math.inf, -math.inf
+            low[m], high[m], near[m], far[m] = math.inf, -math.inf, math.inf, 0.0
             for f in range(count[m]):
+                ax, ay, bx, by = faces[m, f, 0], faces[m, f, 1], faces[m, f, 2], faces[m, f, 3]
                 low[m], high[m] = min(low[m], faces[m, f, 4]), max(high[m], faces[m, f, 5])
+                dx, dy = bx - ax, by - ay
+                t = min(max(-(ax * dx + ay * dy) / (dx * dx + dy * dy), 0.0), 1.0)
+                near[m] = min(near[m], math.hypot(ax + t * dx, ay + t * dy))
+                far[m] = max(far[m], math.hypot(ax, ay), math.hypot(bx, by))
         for m in range(M):
             if count[m] == 0:
                 continue
             covers = 0
             for k in range(M):
-                if k == m or count[k] == 0:
+                if count[k] == 0 or near[k] >= far[m] or low[k] >= high[m] or high[k] <= low[m] or k == m:
+                    continue
+                if max(objects.length_m[i, k], objects.width_m[i, k]) < radar.least_hiding:
                     continue
                 a, b = max(low[m], low[k]), min(high[m], high[k])
-                if (
-                    b - a <= _SLIVER
-                    or max(objects.length_m[i, k], objects.width_m[i, k]) < radar.least_hiding
-                ):
+                if b - a <= _SLIVER:
                     continue
                 middle = 0.5 * (a + b)
-                if _reach(faces[k], count[k], middle) < _reach(faces[m], count[m], middle):
+                hides = far[k] <= near[m]
+                if hides or _reach(faces[k], count[k], middle) < _reach(faces[m], count[m], middle):
                     hidden[covers, 0], hidden[covers, 1] = a, b
                     covers += 1
             left = _subtract(hidden, covers, low[m], high[m], open_)
