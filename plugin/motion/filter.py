@@ -89,8 +89,10 @@ class FilterSettings:
     yaw_rate_noise: float = Field(5e-4, ge=0, description="model: γ, rad/s per √s")
     heading_noise: float = Field(1e-5, ge=0, description="model: ψ, rad per √s")
 
-    clip_sd: float = Field(3.0, gt=1, description="an innovation counts up to so many standard deviations")
-    misfit_looks: int = Field(8, ge=1, description="so many looks in a row twice as far off start it anew")
+    clip_sd: float = Field(3.0, gt=1, description="an innovation counts up to so many sd, twice that …")
+    doubt_sd: float = Field(8.0, gt=1, description="a look so far off contradicts the estimate: no warning")
+    misfit_m: float = Field(0.3, gt=0, description="or its offset so far off, makes a misfit")
+    misfit_looks: int = Field(3, ge=1, description="so many in a row start the filter anew")
     settle_s: float = Field(0.3, ge=0, description="nothing is said for so long after a start")
     width_share: float = Field(0.05, gt=0, le=1, description="of a new lane width in the filtered one")
 
@@ -176,7 +178,9 @@ def schedule(
         step_s,
         coast_s,
         c.settle_s,
+        c.doubt_sd,
         c.clip_sd,
+        c.misfit_m,
         c.misfit_looks,
         c.one_border_factor,
         c.width_share,

@@ -17,6 +17,7 @@ from sumo_net.compile import kernel
 N = 11  # states
 M = 4  # measurements
 VY, YAW, D, PSI, K, KRATE, R, AIM, UNREST, CALM, BIAS = range(N)
+_HARDEST_MPS2 = 3.0  # lateral acceleration up to which the noise grows with it
 _GROSS = 2.0  # so many times off the clip an innovation is an error, no manoeuvre
 
 
@@ -38,7 +39,9 @@ class FilterSchedule(NamedTuple):
     step: float
     coast: float  # s
     settle: float  # s
+    doubt: float  # an innovation of so many standard deviations contradicts the estimate
     clip: float  # innovations count up to so many standard deviations
+    away: float  # m, an offset so far off is a misfit whatever the covariance says
     misfits: int  # so many looks in a row grossly off start the filter anew
     one_border: float  # factor on the standard deviations while one border only is seen
     width_gain: float
@@ -93,8 +96,9 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
                     width += s.width_gain * (lane.lane_width_m[i] - width)
             predict(state.x[i], state.P[i], j, w, s, F, Q, half, x, P)
             # Another load errs with the turn; who steers much is about to steer otherwise.
-            P[VY, VY] += s.step * (s.slip_error * v * x[YAW]) ** 2
-            P[AIM, AIM] += s.step * (s.liveliness * x[R]) ** 2
+            turn, steered = min(abs(v * x[YAW]), _HARDEST_MPS2), min(abs(x[R]), _HARDEST_MPS2)
+            P[VY, VY] += s.step * (s.slip_error * turn) ** 2
+            P[AIM, AIM] += s.step * (s.liveliness * steered) ** 2
             if math.isfinite(width):
                 shift = int(lane.lane_shift[i])
                 x[D] -= shift * width
@@ -105,11 +109,14 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
                     x[D] -= jump * width
                     shift += jump
                 spread = s.one_border if borders == 1 else 1.0
+                away = abs(z[0] - x[D]) > s.away
                 off = update(x, P, z, spread, s, gain, PH)
-                misfits = misfits + 1 if off > _GROSS * s.clip else 0
-                if off > s.clip:
+                misfits = misfits + 1 if away or off > _GROSS * s.clip else 0
+                if off > s.doubt:
                     settled = 0.0
                 running = misfits <= s.misfits
+            elif unseen > s.settle - 1e-9:
+                settled = 0.0
         if not running:
             begin(z, j, w, v, s, x, P)
             age, misfits, settled = 0.0, 0, 0.0

@@ -8,7 +8,8 @@ crossing is well above the threshold and the wheel back inside, by `rearm_gap_m`
 warning is `rearm_s` ago.
 
 A look that stands alone does not warn: one step before, the time to crossing must have been near the
-threshold (`confirm_s` above it) or the wheel near the border. A true approach has been: no lead is lost.
+threshold (`confirm_s` above it) or the wheel near the border. A true approach has been: no lead is lost. Nor
+does an estimate that the camera's looks have just contradicted (`consistent_s`): it may be another lane's.
 """
 
 from typing import NamedTuple
@@ -57,6 +58,7 @@ class DepartureSettings:
     hysteresis_s: float = Field(0.5, ge=0, description="a warning ends, a side is armed, this much above")
     confirm_s: float = Field(0.4, ge=0, description="the look before was at most this much above")
     urgent_s: float = Field(0.3, ge=0, description="level 2 from here, or with a wheel over the border")
+    consistent_s: float = Field(0.5, ge=0, description="no look has contradicted the estimate for so long")
     edge_m: float = Field(0.10, ge=0, description="a wheel so near the border is due whatever its TLC")
     least_drift_mps: float = Field(0.03, ge=0, description="no warning without so much drift to that side")
     earliest_m: float = Field(0.75, gt=0, description="ISO 17361, from memory: not earlier inside the border")
@@ -102,6 +104,7 @@ class DepartureState(NamedTuple):
     hold_right_s: Array
     near_left: Array  # bool: a warning might have been due one step later
     near_right: Array
+    crossed: Array  # int8: side of the border of the lane just entered until a wheel is clear of it
 
 
 class DepartureWarning(NamedTuple):
@@ -120,6 +123,7 @@ def numbers(settings: DepartureSettings, step_s: float = 0.1) -> DepartureNumber
         c.threshold_s,
         c.hysteresis_s,
         c.confirm_s,
+        c.consistent_s,
         c.edge_m,
         c.least_drift_mps,
         c.earliest_m,
@@ -150,6 +154,7 @@ def init(n: int) -> DepartureState:
         np.zeros(n),
         np.zeros(n, bool),
         np.zeros(n, bool),
+        np.zeros(n, np.int8),
     )
 
 
@@ -166,5 +171,7 @@ def step(
     heading = motion.heading_error_rad
     drift = speed_mps * np.sin(heading) + motion.lateral_speed_mps * np.cos(heading)
     new, out = init(n), DepartureWarning(*(np.zeros(n, np.int8) for _ in range(4)))
-    departure_kernels.step(state, crossing, drift, motion.lane_shift, speed_mps, signal, numbers, new, out)
+    departure_kernels.step(
+        state, crossing, drift, motion.settled_s, motion.lane_shift, speed_mps, signal, numbers, new, out
+    )
     return new, out

@@ -14,6 +14,7 @@ class DepartureNumbers(NamedTuple):
     threshold: float
     hysteresis: float
     confirm: float
+    consistent: float
     edge: float
     least_drift: float
     earliest: float
@@ -47,11 +48,11 @@ def near(tlc, gap, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step(state, crossing, drift, shift, speed, signal, c, new, out):  # type: ignore[no-untyped-def]
+def step(state, crossing, drift, settled, shift, speed, signal, c, new, out):  # type: ignore[no-untyped-def]
     """One step for n vehicles; the new DepartureState into `new`, DepartureWarning into `out`.
 
-    drift (n,) m/s, left positive; shift (n,) lanes that the offset moved by;
-    signal (n,) +1 left, -1 right.
+    drift (n,) m/s, left positive; settled (n,) s that the estimate is without contradiction; shift (n,) lanes
+    that the offset moved by; signal (n,) +1 left, -1 right.
     """
     for i in range(speed.size):
         v, code = speed[i], READY
@@ -65,7 +66,9 @@ def step(state, crossing, drift, shift, speed, signal, c, new, out):  # type: ig
         served_left, served_right = state.served_left[i], state.served_right[i]
         hold_left = c.signal_hold if signal[i] > 0 else state.hold_left_s[i] - c.step
         hold_right = c.signal_hold if signal[i] < 0 else state.hold_right_s[i] - c.step
+        crossed = state.crossed[i]
         if shift[i] != 0:
+            crossed = -1 if shift[i] > 0 else 1
             # In another lane now: the border just crossed is behind, and its approach has had its warning.
             served_left = served_right = True
         near_left = near_right = False
@@ -74,14 +77,20 @@ def step(state, crossing, drift, shift, speed, signal, c, new, out):  # type: ig
         if seen:
             left, right = crossing.left_s[i], crossing.right_s[i]
             gap_left, gap_right = crossing.gap_left_m[i], crossing.gap_right_m[i]
-            due_left = due(left, gap_left, drift[i], c) and state.near_left[i]
-            due_right = due(right, gap_right, -drift[i], c) and state.near_right[i]
+            sure = settled[i] >= c.consistent - 1e-9
+            due_left = sure and due(left, gap_left, drift[i], c) and state.near_left[i]
+            due_right = sure and due(right, gap_right, -drift[i], c) and state.near_right[i]
             near_left, near_right = near(left, gap_left, c), near(right, gap_right, c)
             # Back inside: far enough at once, a little only when the last warning is long ago.
             inside = c.edge if since >= c.rearm_time - 1e-9 else c.rearm_gap
             clear = c.threshold + c.hysteresis
-            served_left = served_left and not (gap_left >= inside and left > clear)
-            served_right = served_right and not (gap_right >= inside and right > clear)
+            # The border of a lane just entered: as soon as the wheel is over it and moves on.
+            over_left = crossed > 0 and gap_left >= c.edge and drift[i] < 0.0
+            over_right = crossed < 0 and gap_right >= c.edge and drift[i] > 0.0
+            if over_left or over_right:
+                crossed = 0
+            served_left = served_left and not (over_left or (gap_left >= inside and left > clear))
+            served_right = served_right and not (over_right or (gap_right >= inside and right > clear))
         else:
             left = right = gap_left = gap_right = math.inf
             due_left = due_right = False
@@ -112,6 +121,7 @@ def step(state, crossing, drift, shift, speed, signal, c, new, out):  # type: ig
             time = left if active > 0 else right
             level = 2 if gap <= 0.0 or time <= c.urgent else 1
 
+        new.crossed[i] = crossed
         new.fast[i], new.active[i], new.since_s[i] = fast, active, since
         new.served_left[i], new.served_right[i] = served_left, served_right
         new.hold_left_s[i], new.hold_right_s[i] = max(hold_left, 0.0), max(hold_right, 0.0)

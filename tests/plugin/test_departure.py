@@ -28,7 +28,7 @@ PREDICTOR = predictor(HALF, PredictionSettings())
 INSIDE_M = 1.125  # the car's centre may be so far off before a wheel is on the border
 
 
-def play(offset, drift, v=25.0, signal=0, shift=0, settings=None, state=None, known=True):
+def play(offset, drift, v=25.0, signal=0, shift=0, settings=None, state=None, known=True, settled=np.inf):
     """Run k steps over offsets and drifts (k,) or (k, n); returns the warnings as columns (k, n)."""
     offset = np.asarray(offset, float)
     offset = offset[:, None] if offset.ndim == 1 else offset
@@ -38,12 +38,12 @@ def play(offset, drift, v=25.0, signal=0, shift=0, settings=None, state=None, kn
         return np.broadcast_to(value[:, None] if value.ndim == 1 else value, offset.shape)
 
     drift, v, known = column(drift), column(v), column(known, bool)
-    signal, shift = column(signal, np.int8), column(shift, np.int8)
+    signal, shift, settled = column(signal, np.int8), column(shift, np.int8), column(settled)
     numbers = departure.numbers(settings or DepartureSettings())
     state, out = state or departure.init(offset.shape[1]), []
     for k in range(len(offset)):
         m = motion(lateral_speed=drift[k], offset=np.where(known[k], offset[k], np.nan))
-        m = m._replace(lane_shift=shift[k].copy())
+        m = m._replace(lane_shift=shift[k].copy(), settled_s=settled[k].copy())
         crossing = time_to_lane_crossing(m, constant_velocity(m, v[k].copy(), PREDICTOR), HALF)
         state, warning = departure.step(state, crossing, m, v[k].copy(), signal[k].copy(), numbers)
         out.append(warning)
@@ -187,6 +187,29 @@ def test_after_a_change_of_lane_the_border_behind_does_not_warn():
     got = play(offset, noisy, shift=shift)
     assert (got.started[int(np.argmin(offset)) :, 0] == 0).all()
     assert np.count_nonzero(got.started) == 1
+
+
+def test_coming_back_over_the_border_just_crossed_warns():
+    # into the lane on the left until the right wheel is 0.15 m clear of the border, and back at once
+    inside = 1.875 + (1.875 - INSIDE_M) + 0.15
+    across = np.arange(1.0, inside, 0.06)
+    offset = np.r_[across, across[::-1]]
+    drift = np.r_[np.full(len(across), 0.6), np.full(len(across), -0.6)]
+    shift = np.r_[0, np.diff((offset > 1.875).astype(int))]
+    offset = np.where(offset > 1.875, offset - 3.75, offset)
+    begun = play(offset, drift, shift=shift).started[:, 0]
+    assert begun[begun != 0].tolist() == [1, -1]
+    assert len(across) <= np.argmax(begun == -1) < len(across) + 5
+
+
+def test_no_warning_on_an_estimate_that_the_looks_contradict():
+    offset, drift = drift_out()
+    plain = int(np.argmax(play(offset, drift).started[:, 0] != 0))
+    doubted = np.full(len(offset), 5.0)
+    doubted[plain - 1 :] = 0.1 * np.arange(len(offset) - plain + 1)
+    begun = int(np.argmax(play(offset, drift, settled=doubted).started[:, 0] != 0))
+    assert begun == plain - 1 + 5  # consistent_s after the contradiction
+    assert not play(offset, drift, settled=0.2).started.any()
 
 
 @given(
