@@ -27,13 +27,17 @@ def pixel_noise(frame, rows, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def plausible(x, t):  # type: ignore[no-untyped-def]
-    """Whether a state can be a car in a lane."""
+def plausible(x, speed, t):  # type: ignore[no-untyped-def]
+    """Whether a state can be a car in a lane, on a road that can be driven at `speed`."""
     if not (t.min_width_m <= x[WIDTH] <= t.max_width_m):
         return False
     if not abs(x[HEADING]) < 0.3 or not abs(x[OFFSET]) < 0.5 * x[WIDTH] + t.outside_m:
         return False
-    return abs(x[KNOT + 1]) < 0.02 and abs(x[KNOT + 3]) < 0.02 and abs(x[PITCH]) < 6.0 * t.pitch_std + 1e-6
+    most = min(t.bend_most_mps2 / max(speed * speed, 1.0), 0.02)
+    for j in range(KNOT, KNOT + 6):
+        if not abs(x[j]) < most:
+            return False
+    return abs(x[PITCH]) < 6.0 * t.pitch_std + 1e-6
 
 
 @kernel

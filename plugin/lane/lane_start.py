@@ -90,7 +90,7 @@ def lean_to_lane(predicted, t, work, scratch):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ignore[no-untyped-def]
+def start(frame, left, right, given, rows, p, speed, t, work, room, x, P):  # type: ignore[no-untyped-def]
     """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane.
 
     left, right: the search's a, b, c of this vehicle where `given`.
@@ -119,7 +119,7 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
             if room.score[attempt] <= 0.0:
                 continue
             trial[:] = room.starts[attempt]
-        if not plausible(trial, t):
+        if not plausible(trial, speed, t):
             continue
         predicted[:] = trial
         predicted[WIDTH] = 0.5 * (predicted[WIDTH] + t.lane_width_m)
@@ -145,7 +145,7 @@ def start(frame, left, right, given, rows, p, t, work, room, x, P):  # type: ign
         found_right, expected_right = tally(work, RIGHT)
         if not (side_seen(found_left, expected_left, t) and side_seen(found_right, expected_right, t)):
             continue
-        if not plausible(trial, t) or abs(trial[OFFSET]) > 0.5 * trial[WIDTH] + 0.3:
+        if not plausible(trial, speed, t) or abs(trial[OFFSET]) > 0.5 * trial[WIDTH] + 0.3:
             continue
         support = support_of(work)
         if support > best and invert(work.information, work.factor, room.covariance):

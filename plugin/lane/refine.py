@@ -95,6 +95,7 @@ class Tuning(NamedTuple):
     reach_px: float = 2.5
     furthest_aside_m: float = 1.2  # but not as far as the next lane's lines
     unsure_m: float = 0.5  # a standard deviation beyond which a row is not looked at
+    bend_most_mps2: float = 5.0  # lateral acceleration in the bends ahead that a road asks for
     bend_slope: float = 0.3  # and how much of the change from the one before goes on
     bend_keep: float = 0.95  # of the last knot's curvature in a new one
     least_rows: int = 4

@@ -32,14 +32,17 @@ REACH_M = FURTHEST_M  # how far the model goes, for settings to check against
 
 
 @kernel
-def second_look(status, age, misses):  # type: ignore[no-untyped-def]
+def second_look(status, age, misses, doubtful):  # type: ignore[no-untyped-def]
     """Whether to compare the lane that is followed with one that is sought anew.
 
-    Soon after a start, which may have been wrong, now and then later, and while the lane is not seen.
+    Soon after a start, which may have been wrong, now and then later, while less of the lane is seen than is
+    usual (`doubtful`), and while it is not seen.
     """
     if status == TENTATIVE or age == 2 or age == 5 or age == 12 or age == 25:
         return True
-    return age % 200 == 0 or (misses > 0 and misses % 4 == 0)
+    if doubtful and age % 3 == 0:
+        return True
+    return age % 50 == 0 or (misses > 0 and misses % 4 == 0)
 
 
 @kernel
@@ -59,7 +62,7 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
         new.beside[i, :] = old.beside[i]
         if status == SEARCHING:
             misses, age, phase = 0, 0, 0.0
-            support = start(frames[i], left[i], right[i], given[i], rows, p, t, work, room, x, P)
+            support = start(frames[i], left[i], right[i], given[i], rows, p, speed[i], t, work, room, x, P)
             if support > 0:
                 seen_left, seen_right = True, True
                 status = LOCKED if support >= t.lock_rows else TENTATIVE
@@ -101,7 +104,7 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
                 found_right, expected_right = tally(work, RIGHT)
                 seen_left = side_seen(found_left, expected_left, t)
                 seen_right = side_seen(found_right, expected_right, t)
-                good = plausible(x, t)
+                good = plausible(x, speed[i], t)
                 good = good and abs(x[OFFSET] - before[OFFSET]) < t.jump_m
                 good = good and abs(x[HEADING] - before[HEADING]) < t.jump_rad
                 good = good and invert(work.information, work.factor, P)
@@ -124,12 +127,17 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
                 x[:] = before
                 new.found[i, :] = 0.0
                 misses += 1
-                if status == TENTATIVE or misses > t.patience_frames or not plausible(x, t):
+                if status == TENTATIVE or misses > t.patience_frames or not plausible(x, speed[i], t):
                     status = SEARCHING
         seen_m = farthest_found(rows, x, p, work) if seen_left or seen_right else 0.0
-        if status != SEARCHING and second_look(status, age, misses):
+        doubtful = False
+        for side in range(2):
+            doubtful = doubtful or new.found[i, side] < 0.6 * new.share[i, side]
+        if status != SEARCHING and second_look(status, age, misses, doubtful):
             support = support_of(work) if seen_left or seen_right else 0
-            fresh = start(frames[i], left[i], right[i], False, rows, p, t, work, room, room.x, room.P)
+            fresh = start(
+                frames[i], left[i], right[i], False, rows, p, speed[i], t, work, room, room.x, room.P
+            )
             if fresh > 1.3 * support + 4:
                 x[:], P[:, :], phase = room.x, room.P, 0.0
                 misses, seen_left, seen_right = 0, True, True
