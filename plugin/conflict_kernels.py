@@ -1,0 +1,70 @@
+"""Kernels of the true leaders: along SUMO's lanes, and by where bodies are on the road."""
+
+import math
+
+import numpy as np
+
+from sumo_net.compile import kernel
+from sumo_net.road_kernels import project
+
+
+@kernel
+def lane_leaders(rows, snapshot, order, first, chain, lanes, ahead, reach, out):  # type: ignore[no-untyped-def]
+    """The next vehicle ahead of each of the snapshot's `rows` (n,) on its lane or those that follow.
+
+    order : (N,) vehicles by lane, then by place; first : (lanes + 1,) where each lane begins in it.
+    chain (n,) rows of `lanes` (C, L) int32, lane numbers in driving order from the own one on, then -1, and
+    of `ahead` (C, L) m from the own lane's beginning to theirs. Into `out` (Leaders), which is empty before.
+    """
+    place = np.empty(len(order), np.int64)
+    for k in range(len(order)):
+        place[order[k]] = k
+    for i in range(len(rows)):
+        me = rows[i]
+        if snapshot.lane[me] < 0 or chain[i] < 0:
+            continue
+        for j in range(lanes.shape[1]):
+            lane = lanes[chain[i], j]
+            if lane < 0 or ahead[chain[i], j] - snapshot.lane_position_m[me] > reach:
+                break
+            if lane + 1 >= len(first):
+                continue
+            at = place[me] + 1 if j == 0 else first[lane]
+            if at >= first[lane + 1]:
+                continue
+            other = order[at]
+            gap = ahead[chain[i], j] + snapshot.lane_position_m[other] - snapshot.length_m[other]
+            gap -= snapshot.lane_position_m[me]
+            if gap <= reach:
+                closing = snapshot.speed_mps[me] - snapshot.speed_mps[other]
+                out.handle[i] = snapshot.handle[other]
+                out.gap_m[i], out.closing_mps[i] = gap, closing
+                if closing > 0.0:
+                    out.ttc_s[i] = max(gap, 0.0) / closing
+            break
+
+
+@kernel
+def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[no-untyped-def]
+    """The nearest body ahead that reaches into the lane which contains the vehicle, whatever SUMO's lane is.
+
+    It must reach in by `overlap` m. Gap and closing speed are along the path. Into `out` (Leaders).
+    """
+    n, M = objects.forward_m.shape
+    for i in range(n):
+        cos, sin = math.cos(truth.heading_rad[i]), math.sin(truth.heading_rad[i])
+        centre = truth.path_offset_m[i] - truth.lane_offset_m[i]
+        for m in range(M):
+            forward, left = objects.forward_m[i, m], objects.left_m[i, m]
+            if objects.handle[i, m] == -1 or forward < 0.0:
+                continue
+            x, y = truth.x_m[i] + cos * forward - sin * left, truth.y_m[i] + sin * forward + cos * left
+            s, d = project(table, truth.path[i], x, y, truth.station_m[i] + forward)
+            half = 0.5 * objects.width_m[i, m]
+            if not abs(d - centre) <= 0.5 * truth.lane_width_m[i] + half - overlap:
+                continue
+            gap = s - truth.station_m[i] - bumper - 0.5 * objects.length_m[i, m]
+            if gap < out.gap_m[i] or out.handle[i] == -1:
+                closing = truth.speed_mps[i] - objects.speed_mps[i, m] * math.cos(objects.heading_rad[i, m])
+                out.handle[i], out.gap_m[i], out.closing_mps[i] = objects.handle[i, m], gap, closing
+                out.ttc_s[i] = max(gap, 0.0) / closing if closing > 0.0 else math.inf

@@ -1,0 +1,343 @@
+"""Rear-end conflicts as they truly are, and what the warnings made of them: scoring, not for the driver.
+
+Time to collision is the gap from bumper to bumper over the closing speed, as SUMO's SSM device has it.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from plugin import conflict_kernels as kernels
+from plugin.schema import Column
+from sumo_net.ego import EgoTruth
+from sumo_net.lane_chain import lanes_ahead
+from sumo_net.lane_graph import LaneGraph
+from sumo_net.road import RoadTable
+from sumo_net.settings import settings
+from sumo_net.snapshot import Snapshot
+from sumo_net.surroundings import Objects
+
+Array = np.ndarray[Any, Any]
+
+LEVELS = ("", "reminder", "danger")
+REMINDER, DANGER = 1, 2
+NOBODY = -1
+
+COLUMNS: tuple[Column, ...] = (
+    Column("run_id", "the run: scenario and seed", "text"),
+    Column("vehicle_id", "SUMO's id of the equipped vehicle", "text"),
+    Column("target_id", "SUMO's id of its leader", "text"),
+    Column("start_s", "first step with a true time to collision under 3 s", decimals=2),
+    Column("end_s", "last one", decimals=2),
+    Column("min_ttc_s", "least true time to collision", decimals=3),
+    Column("min_gap_m", "least true gap, bumper to bumper", decimals=3),
+    Column(
+        "critical_s", "when the true time to collision fell under 2 s; empty where it did not", decimals=2
+    ),
+    Column("visible_s", "so long had the leader been in path and in the radar's view by then", decimals=2),
+    Column("warned", "a warning of either level was on by then (or by the least TTC)", "bool"),
+    Column("lead_time_s", "from the warning's start to then; negative for a late one", decimals=3),
+)
+
+
+@settings
+class ConflictSettings:
+    """What counts as a conflict, and when a warning belongs to it."""
+
+    ttc_s: float = Field(3.0, gt=0, description="a conflict lasts while the true TTC is under this")
+    critical_ttc_s: float = Field(2.0, gt=0, description="a warning must be on before it falls under this")
+    merge_s: float = Field(1.0, ge=0, description="shorter pauses do not end a conflict")
+    early_s: float = Field(4.0, gt=0, description="a conflict at most so long after a warning's start, or …")
+    after_end_s: float = Field(1.0, ge=0, description="… so long after its end, makes it a true one")
+    late_s: float = Field(0.5, ge=0, description="a warning may begin so long after the conflict has ended")
+    approach_mps: float = Field(0.5, ge=0, description="a true closing speed that makes a warning a nuisance")
+    close_s: float = Field(1.0, ge=0, description="so does a true time gap under this; otherwise it is false")
+    reach_m: float = Field(200.0, gt=0, description="leaders are looked for so far ahead")
+    overlap_m: float = Field(0.3, ge=0, description="bodies that reach so far into the lane are in path")
+
+
+class Leaders(NamedTuple):
+    """The true leader of n vehicles, (n,) each."""
+
+    handle: Array  # int64, -1 for none
+    gap_m: Array  # bumper to bumper, NaN for none
+    closing_mps: Array  # NaN for none
+    ttc_s: Array  # inf where there is none, or the gap opens
+
+
+def nobody(n: int) -> Leaders:
+    """n vehicles with a free road."""
+    return Leaders(np.full(n, NOBODY, np.int64), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.inf))
+
+
+class LaneOrder:
+    """Who drives ahead of whom on SUMO's lanes, across edges and junctions along each vehicle's route."""
+
+    def __init__(
+        self, graph: LaneGraph, lane_ids: list[str], route_ahead: Callable[[int], tuple[str, ...]]
+    ) -> None:
+        """lane_ids and route_ahead: those of Traffic."""
+        self._graph, self._names, self._route = graph, lane_ids, route_ahead
+        self._number: dict[str, int] = {}
+        self._chains: dict[tuple[str, tuple[str, ...]], int] = {}
+        self._lanes = np.full((0, 1), -1, np.int32)
+        self._ahead = np.zeros((0, 1))
+        self._row = np.full(256, -1, np.int64)  # by handle
+        self._lane = np.full(256, -1, np.int64)  # for which the row was looked up
+
+    def leaders(self, snapshot: Snapshot, handle: Array, reach_m: float = 200.0) -> Leaders:
+        """Leaders of the vehicles `handle` (n,), all of them in the snapshot."""
+        out = nobody(len(handle))
+        if not len(handle):
+            return out
+        rows = np.searchsorted(snapshot.handle, handle)
+        while len(self._row) <= handle.max():
+            self._row = np.concatenate([self._row, np.full_like(self._row, -1)])
+            self._lane = np.concatenate([self._lane, np.full_like(self._lane, -1)])
+        lane = snapshot.lane[rows]
+        for i in np.flatnonzero(self._lane[handle] != lane).tolist():
+            self._lane[handle[i]] = lane[i]
+            self._row[handle[i]] = self._chain(int(lane[i]), int(handle[i])) if lane[i] >= 0 else -1
+        order = np.lexsort((snapshot.lane_position_m, snapshot.lane))
+        first = np.searchsorted(snapshot.lane[order], np.arange(len(self._names) + 1))
+        kernels.lane_leaders(
+            rows, snapshot, order, first, self._row[handle], self._lanes, self._ahead, reach_m, out
+        )
+        return out
+
+    def _chain(self, lane: int, handle: int) -> int:
+        name, route = self._names[lane], self._route(handle)
+        if (name, route) not in self._chains:
+            for number in range(len(self._number), len(self._names)):
+                self._number[self._names[number]] = number
+            names = [name, *lanes_ahead(self._graph, name, route)] if name in self._graph.lanes else [name]
+            lengths = [self._graph.lanes[one].length_m for one in names[:-1]]
+            width = max(self._lanes.shape[1], len(names))
+            numbers, ahead = np.full((1, width), -1, np.int32), np.zeros((1, width))
+            numbers[0, : len(names)] = [self._number.get(one, -1) for one in names]
+            ahead[0, : len(names)] = np.cumsum([0.0, *lengths])
+            self._chains[name, route] = len(self._lanes)
+            self._lanes = np.concatenate([_widened(self._lanes, width, -1), numbers])
+            self._ahead = np.concatenate([_widened(self._ahead, width, 0.0), ahead])
+        return self._chains[name, route]
+
+
+def path_leaders(
+    truth: EgoTruth, objects: Objects, table: RoadTable, bumper_m: float, overlap_m: float = 0.3
+) -> Leaders:
+    """The nearest bodies that reach into the lanes that contain the n vehicles, whatever SUMO's lanes are."""
+    out = nobody(len(truth.handle))
+    kernels.path_leaders(truth, objects, table, bumper_m, overlap_m, out)
+    return out
+
+
+@dataclass(slots=True)
+class Conflict:
+    """One rear-end conflict of a vehicle with one leader."""
+
+    handle: int
+    target: int
+    start_s: float
+    end_s: float
+    min_ttc_s: float
+    min_gap_m: float
+    worst_s: float
+    visible_s: float
+    critical_s: float | None = None
+
+    @property
+    def decisive_s(self) -> float:
+        """When a warning must have been on."""
+        return self.worst_s if self.critical_s is None else self.critical_s
+
+
+@dataclass(slots=True)
+class CollisionWarning:
+    """One warning of one level; `end_s` is None while it lasts."""
+
+    handle: int
+    level: int
+    start_s: float
+    ttc_s: float
+    approach: bool
+    end_s: float | None = None
+
+
+@dataclass(slots=True)
+class ConflictBook:
+    """Collects conflicts and rear-end warnings step by step, and says which belong together."""
+
+    settings: ConflictSettings = field(default_factory=ConflictSettings)
+    _open: dict[tuple[int, int], Conflict] = field(default_factory=dict)
+    _done: list[Conflict] = field(default_factory=list)
+    _on: dict[tuple[int, int], CollisionWarning] = field(default_factory=dict)
+    _ended: list[CollisionWarning] = field(default_factory=list)
+    _archive: list[Conflict | CollisionWarning] = field(default_factory=list)
+    _seen: dict[int, tuple[int, float]] = field(default_factory=dict)  # leader and since when in view
+
+    def add(
+        self,
+        time_s: float,
+        handle: Array,
+        leader: Leaders,
+        in_path: Leaders,
+        visible: Array,
+        speed_mps: Array,
+        level: Array,
+        warned_ttc_s: Array,
+    ) -> None:
+        """One step of n vehicles.
+
+        leader : on SUMO's lanes, which decides on conflicts; in_path : by place, which also excuses warnings.
+        visible (n,) : handle of the leader is in the radar's view (`in_view`); level (n,) 0, 1, 2 of the
+        warning that is on; warned_ttc_s (n,) the estimated time to collision of its target.
+        """
+        s = self.settings
+        with np.errstate(invalid="ignore"):
+            near = leader.ttc_s < s.ttc_s
+            approach = self._approach(leader, speed_mps) | self._approach(in_path, speed_mps)
+        self._follow_views(time_s, handle, leader.handle, visible)
+        for i in np.flatnonzero(near).tolist():
+            self._conflict(time_s, int(handle[i]), leader, i)
+        warned = np.flatnonzero(level > 0)
+        on = set()
+        for i in warned.tolist():
+            for kind in range(REMINDER, int(level[i]) + 1):
+                key = int(handle[i]), kind
+                on.add(key)
+                if key not in self._on:
+                    self._on[key] = CollisionWarning(*key, time_s, float(warned_ttc_s[i]), bool(approach[i]))
+                self._on[key].approach |= bool(approach[i])
+        for key in [key for key in self._on if key not in on]:
+            warning = self._on.pop(key)
+            warning.end_s = time_s - 0.1
+            self._ended.append(warning)
+        for pair in [pair for pair, c in self._open.items() if time_s - c.end_s > s.merge_s]:
+            self._done.append(self._open.pop(pair))
+
+    def settle(
+        self, until_s: float, final: bool = False
+    ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """Rows (conflicts, warnings) of all that is decided by `until_s`; the rest is kept."""
+        s = self.settings
+        if final:
+            self._done += self._open.values()
+            self._ended += self._on.values()
+            self._open, self._on = {}, {}
+        conflicts = [c for c in self._done if final or c.end_s + s.late_s + 1.0 <= until_s]
+        warnings = [w for w in self._ended if final or self._last_match(w) + s.merge_s <= until_s]
+        known = [*self._archive, *self._done, *self._open.values(), *self._ended, *self._on.values()]
+        known_warnings = [e for e in known if isinstance(e, CollisionWarning)]
+        known_conflicts = [e for e in known if isinstance(e, Conflict)]
+        rows = (
+            [self._conflict_row(c, known_warnings) for c in conflicts],
+            [self._warning_row(w, known_conflicts) for w in warnings],
+        )
+        finished = {id(e) for e in (*conflicts, *warnings)}
+        self._archive = [e for e in (*self._archive, *conflicts, *warnings) if e.start_s > until_s - 120.0]
+        self._done = [c for c in self._done if id(c) not in finished]
+        self._ended = [w for w in self._ended if id(w) not in finished]
+        return rows
+
+    def _approach(self, leader: Leaders, speed: Array) -> Array:
+        closing = leader.closing_mps > self.settings.approach_mps
+        return np.asarray(closing | (leader.gap_m < self.settings.close_s * speed))
+
+    def _follow_views(self, time_s: float, handle: Array, leader: Array, visible: Array) -> None:
+        now: dict[int, tuple[int, float]] = {}
+        rows = np.flatnonzero(visible & (leader != NOBODY))
+        for one, target in zip(handle[rows].tolist(), leader[rows].tolist(), strict=True):
+            before = self._seen.get(one)
+            now[one] = before if before is not None and before[0] == target else (target, time_s)
+        self._seen = now
+
+    def _conflict(self, time_s: float, handle: int, leader: Leaders, i: int) -> None:
+        target, ttc, gap = int(leader.handle[i]), float(leader.ttc_s[i]), float(leader.gap_m[i])
+        seen = self._seen.get(handle)
+        visible_s = time_s - seen[1] if seen is not None and seen[0] == target else 0.0
+        conflict = self._open.get((handle, target))
+        if conflict is None:
+            conflict = Conflict(handle, target, time_s, time_s, ttc, gap, time_s, visible_s)
+            self._open[handle, target] = conflict
+        conflict.end_s = time_s
+        conflict.min_gap_m = min(conflict.min_gap_m, gap)
+        if conflict.critical_s is None and ttc < self.settings.critical_ttc_s:
+            conflict.critical_s, conflict.visible_s = time_s, visible_s
+        if ttc < conflict.min_ttc_s:
+            conflict.min_ttc_s, conflict.worst_s = ttc, time_s
+            if conflict.critical_s is None:
+                conflict.visible_s = visible_s
+
+    def _last_match(self, warning: CollisionWarning) -> float:
+        end = float("inf") if warning.end_s is None else warning.end_s
+        return max(warning.start_s + self.settings.early_s, end + self.settings.after_end_s)
+
+    def _conflict_row(self, c: Conflict, warnings: Iterable[CollisionWarning]) -> dict[str, Any]:
+        s = self.settings
+        mine = [w for w in warnings if w.handle == c.handle and w.level == REMINDER]
+        in_time = [w.start_s for w in mine if w.start_s <= c.decisive_s <= self._last_match(w)]
+        late = [w.start_s for w in mine if c.decisive_s < w.start_s <= c.end_s + s.late_s]
+        start = max(in_time) if in_time else min(late, default=None)
+        return {
+            "handle": c.handle,
+            "target": c.target,
+            "start_s": c.start_s,
+            "end_s": c.end_s,
+            "min_ttc_s": c.min_ttc_s,
+            "min_gap_m": c.min_gap_m,
+            "critical_s": c.critical_s,
+            "visible_s": c.visible_s,
+            "warned": bool(in_time),
+            "lead_time_s": None if start is None else c.decisive_s - start,
+        }
+
+    def _warning_row(self, w: CollisionWarning, conflicts: Iterable[Conflict]) -> dict[str, Any]:
+        s = self.settings
+        matches = [
+            c.decisive_s
+            for c in conflicts
+            if c.handle == w.handle and c.start_s <= self._last_match(w) and c.end_s >= w.start_s - s.late_s
+        ]
+        return {
+            "handle": w.handle,
+            "kind": "fcw",
+            "level": LEVELS[w.level],
+            "side": None,
+            "start_s": w.start_s,
+            "end_s": w.end_s,
+            "ttc_s": w.ttc_s if np.isfinite(w.ttc_s) else None,
+            "lead_time_s": min(matches) - w.start_s if matches else None,
+            "outcome": "true" if matches else ("nuisance" if w.approach else "false"),
+        }
+
+
+def in_view(objects: Objects, share: Array, target: Array, least_share: float = 0.05) -> Array:
+    """Whether the bodies `target` (n,) are in the radar's view; share (n, M) as in Sightings."""
+    with np.errstate(invalid="ignore"):
+        found = (objects.handle == target[:, None]) & (share >= least_share)
+    return np.asarray(found.any(axis=1) & (target != NOBODY))
+
+
+def table_columns(
+    rows: list[dict[str, Any]], name: Callable[[int], str], schema: Iterable[Column] = COLUMNS
+) -> Mapping[str, Any]:
+    """Rows of `ConflictBook.settle` as columns for the recorder, by start and vehicle; `name` gives ids."""
+    rows = sorted(rows, key=lambda row: (row["start_s"], name(row["handle"])))
+    columns: dict[str, Any] = {"vehicle_id": [name(row["handle"]) for row in rows]}
+    for column in schema:
+        if column.name == "target_id":
+            columns["target_id"] = [name(row["target"]) for row in rows]
+        elif rows and column.name in rows[0] and column.name != "vehicle_id":
+            values = [row[column.name] for row in rows]
+            if column.kind == "float":
+                values = [np.nan if value is None else value for value in values]
+            columns[column.name] = values
+    return columns
+
+
+def _widened(table: Array, width: int, fill: float) -> Array:
+    more = np.full((len(table), width - table.shape[1]), fill, table.dtype)
+    return np.concatenate([table, more], axis=1)

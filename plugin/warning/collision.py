@@ -1,0 +1,257 @@
+"""Rear-end collision warning: who is in path, how near is too near, and what the driver sees and hears.
+
+The target is the nearest object in the path. The path is the lane that the camera sees, with its curvature;
+while the lane is lost, the circle that the vehicle steers. Two levels: a reminder (lift off) and danger
+(brake).
+"""
+
+import math
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from plugin.motion.estimate import MotionEstimate
+from plugin.warning import collision_kernels as kernels
+from plugin.warning import safe_distance
+from plugin.warning.collision_kernels import (
+    ALARM,
+    CHIME,
+    DANGER,
+    INACTIVE,
+    READY,
+    REMINDER,
+    SILENT,
+    SUPPRESSED,
+    CollisionNumbers,
+    PathNumbers,
+)
+from plugin.warning.safe_distance import SafeDistance
+from sumo_net.settings import settings
+
+Array = np.ndarray[Any, Any]
+
+__all__ = [
+    "ALARM",
+    "BUZZER",
+    "CHIME",
+    "CODES",
+    "DANGER",
+    "INACTIVE",
+    "READY",
+    "REMINDER",
+    "SILENT",
+    "SUPPRESSED",
+    "Collision",
+    "CollisionState",
+    "CollisionWarning",
+    "InPath",
+    "Targets",
+    "init",
+    "step",
+]
+
+CODES = ("inactive", "ready", "reminder", "danger", "suppressed")
+BUZZER = ("silent", "chime", "alarm")
+REMEMBERED = 8  # tracks in path, for the hysteresis
+
+
+@settings
+class Collision:
+    """When the driver is warned of the vehicle ahead."""
+
+    distance: SafeDistance = Field(default_factory=SafeDistance, description="model and road surface")
+    enter_m: float = Field(0.35, ge=0, description="an object is in path this far inside the lane's borders")
+    leave_m: float = Field(0.25, ge=0, description="and remains until this far outside")
+    half_lane_m: float = Field(1.6, gt=0, description="half the path's width while the lane is lost")
+    stationary_half_m: float = Field(
+        1.0, gt=0, description="the same at any time for what was never seen moving"
+    )
+    stationary_reach_s: float = Field(
+        3.0, gt=0, description="and only within so many seconds at the own speed"
+    )
+    lost_reach_s: float = Field(
+        2.5, gt=0, description="while the lane is lost, nothing further than this at the own speed"
+    )
+    entry_gap_m: float = Field(
+        2.0, ge=0, description="nothing gets into the path nearer than this: it is being passed"
+    )
+    near_half_m: float = Field(
+        0.5, ge=0, description="an object in path lies no further aside than this at the bumper …"
+    )
+    near_angle_rad: float = Field(
+        math.radians(20.0), gt=0, lt=1.4, description="… and further on within this angle of the axis, 20°"
+    )
+    road_reach_m: float = Field(60.0, gt=0, description="the lane's curvature changes on up to there")
+    least_speed_mps: float = Field(2.8, ge=0, description="active from 10 km/h")
+    speed_hysteresis_mps: float = Field(1.4, ge=0, description="and until this much below it")
+    relief: float = Field(
+        0.15, ge=0, description="a level ends when the gap is by this share above its distance"
+    )
+    confirm_steps: int = Field(2, ge=1, le=20, description="steps in a row before a level begins")
+    least_reminder_s: float = Field(1.0, ge=0, description="a reminder lasts at least")
+    least_danger_s: float = Field(0.6, ge=0, description="and danger, unless the driver brakes")
+    braking_mps2: float = Field(
+        2.0, gt=0, description="a driver who brakes so hard, and enough, gets no danger warning and no sound"
+    )
+    least_closing_mps: float = Field(
+        0.5, ge=0, description="no warning of a leader that comes no nearer than this and does not brake"
+    )
+    floor_ttc_s: float = Field(
+        2.6, ge=0, description="whatever the model: a time to collision, own braking left out, of a reminder"
+    )
+    acceleration_slack_mps2: float = Field(
+        0.5, ge=0, description="taken off the leader's braking, for the noise of the track"
+    )
+    hardest_braking_mps2: float = Field(9.0, gt=0, description="a leader cannot brake harder")
+    bumper_m: float = Field(1.6, ge=0, description="front bumper ahead of the centre of gravity")
+
+    @model_validator(mode="after")
+    def _border_on_the_road(self) -> Self:
+        if self.enter_m >= self.half_lane_m:
+            raise ValueError(f"enter_m = {self.enter_m}: must be below half_lane_m = {self.half_lane_m}")
+        return self
+
+
+class Targets(NamedTuple):
+    """T tracks of the whole fleet, (T,) each, in the axes of the vehicle now."""
+
+    owner: Array  # int64, row of the vehicle
+    track_id: Array  # int64, unique within the vehicle
+    x_m: Array  # from the centre of gravity
+    y_m: Array
+    vx_mps: Array  # over ground
+    vy_mps: Array
+    ax_mps2: Array  # over ground
+    detected: Array  # bool: in this step
+    usable: Array  # bool: confirmed, not oncoming, detected lately
+    standing: Array  # bool: never seen moving
+
+
+class CollisionState(NamedTuple):
+    """The warning of n vehicles, (n, …) each."""
+
+    fast: Array  # bool: above the speed from which it works
+    level: Array  # int8: 0 none, 1 reminder, 2 danger
+    since_s: Array  # since the reminder began
+    danger_s: Array  # since danger began
+    hits: Array  # int64, steps in a row below the reminder distance
+    danger_hits: Array
+    inside: Array  # (n, REMEMBERED) int64, ids of the tracks in path, else -1
+
+
+class CollisionWarning(NamedTuple):
+    """What the warning knows and what the driver gets, (n,) each; NaN where nothing is in path."""
+
+    code: Array  # int8, index into CODES
+    level: Array  # int8: 0 none, 1 reminder, 2 danger
+    started: Array  # int8, the level, in the step in which it begins
+    row: Array  # int64, the target among the tracks given, -1 for none
+    track_id: Array  # int64, the target, -1 for none
+    gap_m: Array  # bumper to bumper
+    relative_mps: Array  # the target's speed minus the own, negative when closing
+    ttc_s: Array  # gap over closing speed; inf when opening
+    ttc_accelerated_s: Array  # with both accelerations, nobody going backwards
+    reminder_m: Array  # the model's distances
+    danger_m: Array
+    lamp_reminder: Array  # bool
+    lamp_danger: Array  # bool
+    buzzer: Array  # int8, index into BUZZER: chime in the first step of a reminder, alarm all along danger
+    shown_distance_m: Array  # the display, whole metres
+    shown_relative_mps: Array  # the display, whole m/s
+
+
+class InPath(NamedTuple):
+    """Of T tracks, (T,) each."""
+
+    inside: Array  # bool
+    offset_m: Array  # left of the path's middle; NaN for tracks that are not usable
+
+
+def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, CollisionNumbers]:
+    """The kernels' view of the settings."""
+    o = options
+    return (
+        PathNumbers(
+            o.enter_m,
+            o.leave_m,
+            o.half_lane_m,
+            o.stationary_half_m,
+            o.stationary_reach_s,
+            o.lost_reach_s,
+            o.bumper_m,
+            o.entry_gap_m,
+            math.tan(o.near_angle_rad),
+            o.near_half_m,
+            o.road_reach_m,
+            3.0,
+        ),
+        CollisionNumbers(
+            safe_distance.numbers(o.distance),
+            o.least_speed_mps,
+            max(0.0, o.least_speed_mps - o.speed_hysteresis_mps),
+            o.relief,
+            o.confirm_steps,
+            o.least_reminder_s,
+            o.least_danger_s,
+            -o.braking_mps2,
+            o.least_closing_mps,
+            o.floor_ttc_s,
+            o.acceleration_slack_mps2,
+            -o.hardest_braking_mps2,
+            o.bumper_m,
+            step_s,
+        ),
+    )
+
+
+def init(n: int) -> CollisionState:
+    """n vehicles without a warning."""
+    return CollisionState(
+        np.zeros(n, bool),
+        np.zeros(n, np.int8),
+        np.full(n, np.inf),
+        np.full(n, np.inf),
+        np.zeros(n, np.int64),
+        np.zeros(n, np.int64),
+        np.full((n, REMEMBERED), kernels.NONE, np.int64),
+    )
+
+
+def step(
+    state: CollisionState,
+    targets: Targets,
+    motion: MotionEstimate,
+    speed_mps: Array,
+    acceleration_mps2: Array,
+    yaw_rate_rps: Array,
+    options: Collision,
+) -> tuple[CollisionState, CollisionWarning, InPath]:
+    """One step of 0.1 s for n vehicles.
+
+    motion : from the camera chain, NaN while the lane is lost. speed, acceleration and yaw rate (n,) are the
+    vehicle's own sensors'.
+    """
+    path, warn = numbers(options)
+    n, tracks = len(speed_mps), len(targets.owner)
+    new, out = init(n), _blank(n)
+    found = InPath(np.zeros(tracks, bool), np.full(tracks, np.nan))
+    kernels.in_path(targets, motion, speed_mps, yaw_rate_rps, path, state.inside, new.inside, *found)
+    kernels.step(state, targets, found.inside, speed_mps, acceleration_mps2, warn, new, out)
+    return new, out, found
+
+
+def _blank(n: int) -> CollisionWarning:
+    def of(kind: type, fill: float, count: int) -> list[Array]:
+        return [np.full(n, fill, kind) for _ in range(count)]
+
+    return CollisionWarning._make(
+        [
+            *of(np.int8, 0, 3),
+            *of(np.int64, kernels.NONE, 2),
+            *of(np.float64, np.nan, 6),
+            *of(np.bool_, 0, 2),
+            *of(np.int8, 0, 1),
+            *of(np.float64, np.nan, 2),
+        ]
+    )

@@ -1,0 +1,201 @@
+"""Kernels of the rear-end warning: who is in path, and one small state machine a vehicle."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from plugin.warning.safe_distance import SafeNumbers, safe_distances, time_to_collision
+from sumo_net.compile import kernel
+
+INACTIVE, READY, REMINDER, DANGER, SUPPRESSED = range(5)
+SILENT, CHIME, ALARM = range(3)
+NONE = -1
+
+
+class PathNumbers(NamedTuple):
+    """In-path selection's settings as kernels take them."""
+
+    enter: float  # m inside the border
+    leave: float  # m outside it
+    half_lane: float  # m, when the lane is lost
+    stationary: float  # m from the middle, for objects never seen moving
+    stationary_reach: float  # s
+    lost_reach: float  # s
+    bumper: float  # m
+    entry: float  # m, gap
+    slope: float  # tangent of the largest angle to an object in path
+    body: float  # m, half of the own body's width
+    road_reach: float  # m
+    least_speed: float  # m/s, below it steering says nothing
+
+
+class CollisionNumbers(NamedTuple):
+    """The warning's settings as kernels take them."""
+
+    safe: SafeNumbers
+    speed_on: float
+    speed_off: float
+    relief: float  # share by which the gap must exceed a distance before its level ends
+    confirm: int  # steps in a row
+    least_reminder: float  # s
+    least_danger: float  # s
+    brakes: float  # m/s², negative
+    least_closing: float  # m/s
+    floor: float  # s
+    slack: float  # m/s²
+    hardest: float  # m/s², negative
+    bumper: float
+    step: float
+
+
+@kernel
+def road_offset(x, y, offset, heading, curvature, rate, reach):  # type: ignore[no-untyped-def]
+    """Metres left of the lane's middle of a point in the vehicle frame; left positive.
+
+    offset, heading : of the vehicle in the lane. The lane is the circle of its curvature here, exactly, plus
+    what the curvature's change moves it by: K' s up to `reach` metres, constant beyond.
+    """
+    c, s = math.cos(heading), math.sin(heading)
+    u, w = c * x - s * y, s * x + c * y + offset
+    square = (curvature * u) ** 2 + (1.0 - curvature * w) ** 2
+    d = (2.0 * w - curvature * (u * u + w * w)) / (1.0 + math.sqrt(square))
+    station = math.hypot(u, w)
+    bend = curvature * u / max(1.0 - curvature * w, 0.1)
+    if abs(bend) > 1e-9:
+        station = math.atan(bend) / curvature
+    inside = min(max(station, 0.0), reach)
+    beyond = max(station - reach, 0.0)
+    swing = inside**3 / 6.0 + beyond * inside**2 / 2.0 + beyond**2 * inside / 2.0
+    return d - rate * swing
+
+
+@kernel
+def in_path(tracks, motion, speed, yaw_rate, p, was, now, inside, offset):  # type: ignore[no-untyped-def]
+    """Which tracks are in path, into inside (T,) bool, and how far from its middle, offset (T,).
+
+    was (n, K) int64 : ids of the tracks that were, for the hysteresis; those that are go into `now` (n, K),
+    which is -1 before.
+    """
+    for t in range(tracks.owner.size):
+        i = tracks.owner[t]
+        inside[t], offset[t] = False, math.nan
+        x, y = tracks.x_m[t], tracks.y_m[t]
+        if not tracks.usable[t] or x <= 0.0 or not math.isfinite(x + y):
+            continue
+        seen = math.isfinite(
+            motion.lateral_offset_m[i]
+            + motion.heading_error_rad[i]
+            + motion.curvature_1pm[i]
+            + motion.curvature_rate_1pm2[i]
+            + motion.lane_width_m[i]
+        )
+        if seen:
+            half = 0.5 * motion.lane_width_m[i]
+            d = road_offset(
+                x, y, motion.lateral_offset_m[i], motion.heading_error_rad[i], motion.curvature_1pm[i],
+                motion.curvature_rate_1pm2[i], p.road_reach,
+            )  # fmt: skip
+        else:
+            half = p.half_lane
+            bend = yaw_rate[i] / speed[i] if speed[i] >= p.least_speed else 0.0
+            d = road_offset(x, y, 0.0, 0.0, bend, 0.0, p.road_reach)
+        offset[t] = d
+        known = False
+        for k in range(was.shape[1]):
+            known = known or was[i, k] == tracks.track_id[t]
+        inside[t] = abs(d) <= (half + p.leave if known else half - p.enter)
+        # Beside the front, at the edge of the view, positions are poor: an object there is being passed.
+        inside[t] = inside[t] and (known or x - p.bumper >= p.entry)
+        inside[t] = inside[t] and abs(y) <= p.body + p.slope * max(x - p.bumper, 0.0)
+        if inside[t] and tracks.standing[t]:
+            inside[t] = abs(d) <= p.stationary and x <= p.stationary_reach * speed[i]
+        if inside[t] and not seen:
+            inside[t] = x <= p.lost_reach * speed[i]
+        if inside[t]:
+            for k in range(now.shape[1]):
+                if now[i, k] == NONE:
+                    now[i, k] = tracks.track_id[t]
+                    break
+
+
+@kernel
+def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: ignore[no-untyped-def]
+    """One step for n vehicles; the new CollisionState into `new`, CollisionWarning into `out`.
+
+    out.row is -1 before. tracks (Targets) in any order, inside (T,) bool.
+    """
+    n = speed.size
+    for t in range(tracks.owner.size):
+        if inside[t]:
+            i = tracks.owner[t]
+            if out.row[i] == NONE or tracks.x_m[t] < tracks.x_m[out.row[i]]:
+                out.row[i] = t
+    for i in range(n):
+        v, a = max(speed[i], 0.0), acceleration[i]
+        fast = v >= (c.speed_off if state.fast[i] else c.speed_on)
+        level, since, since_danger = state.level[i], state.since_s[i] + c.step, state.danger_s[i] + c.step
+        hits, hits_danger = 0, 0
+        wanted, hold, suppressed = 0, 0, False
+        t = out.row[i]
+        out.track_id[i] = NONE
+        out.gap_m[i] = out.relative_mps[i] = out.ttc_s[i] = out.ttc_accelerated_s[i] = math.nan
+        out.reminder_m[i] = out.danger_m[i] = math.nan
+        if t != NONE:
+            gap = max(tracks.x_m[t] - c.bumper, 0.0)
+            v_l = max(tracks.vx_mps[t], 0.0)
+            # The leader's acceleration counts where it brakes, beyond what the track's noise may feign.
+            a_l = min(tracks.ax_mps2[t] + c.slack, 0.0) if math.isfinite(tracks.ax_mps2[t]) else 0.0
+            a_l = max(a_l, c.hardest)
+            reminder, danger = safe_distances(v, min(a, 0.0), v_l, a_l, c.safe)
+            closing = v - v_l
+            out.track_id[i], out.gap_m[i], out.relative_mps[i] = tracks.track_id[t], gap, -closing
+            out.ttc_s[i] = time_to_collision(gap, v, 0.0, v_l, 0.0)
+            out.ttc_accelerated_s[i] = time_to_collision(gap, v, min(a, 0.0), v_l, a_l)
+            out.reminder_m[i], out.danger_m[i] = reminder, danger
+            # Whatever the model and the own brake: a gap that the closing speed and the leader's braking use
+            # up in so short a time is worth a reminder.
+            ahead = max(closing, 0.0) * c.floor
+            worse = 0.5 * max(-a_l, 0.0) * min(c.floor, v_l / max(-a_l, 1e-9)) ** 2
+            reminder = max(reminder, ahead + worse if closing > 0.0 else 0.0)
+            comes = closing >= c.least_closing or a_l < 0.0
+            # A track that coasts keeps a level, but begins none.
+            more = 1 if tracks.detected[t] else 0
+            if comes and gap <= reminder:
+                hits = state.hits[i] + more
+            if comes and gap <= danger:
+                hits_danger = state.danger_hits[i] + more
+            wanted = 2 if hits_danger >= c.confirm else (1 if hits >= c.confirm else 0)
+            if closing > 0.0 or a_l < 0.0:
+                hold = (
+                    2
+                    if gap <= danger * (1.0 + c.relief)
+                    else (1 if gap <= reminder * (1.0 + c.relief) else 0)
+                )
+            # Braking, and enough of it: if both go on like this it does not come to a collision.
+            suppressed = a <= c.brakes and out.ttc_accelerated_s[i] == math.inf
+            if suppressed:
+                wanted, hold = min(wanted, 1), min(hold, 1)
+        if level == 2 and hold < 2 and (suppressed or since_danger >= c.least_danger - 1e-9):
+            level = 1
+        if level == 1 and hold < 1 and since >= c.least_reminder - 1e-9:
+            level = 0
+        started = 0
+        if wanted > level:
+            if level == 0:
+                since = 0.0
+            if wanted == 2:
+                since_danger = 0.0
+            level = started = wanted
+        if not fast:
+            level = started = 0
+        code = INACTIVE if not fast else (READY, REMINDER, DANGER)[level]
+        if fast and suppressed and (hits > 0 or level > 0):
+            code = SUPPRESSED
+        new.fast[i], new.level[i], new.since_s[i], new.danger_s[i] = fast, level, since, since_danger
+        new.hits[i], new.danger_hits[i] = min(hits, 1000), min(hits_danger, 1000)
+        out.code[i], out.level[i], out.started[i] = code, level, started
+        out.lamp_reminder[i], out.lamp_danger[i] = level >= 1, level == 2
+        out.buzzer[i] = ALARM if level == 2 else (CHIME if started == 1 and not suppressed else SILENT)
+        out.shown_distance_m[i] = np.floor(out.gap_m[i] + 0.5)  # NaN stays NaN
+        out.shown_relative_mps[i] = np.floor(out.relative_mps[i] + 0.5)

@@ -1,0 +1,256 @@
+"""Safe distances to a leader: the published models by name, and time to collision.
+
+Each model gives two gaps: below the first the driver is reminded (lift off), below the second warned of
+danger (brake). v and a are the own speed and acceleration, v_l and a_l the leader's, along the lane, in m/s
+and m/s²; c = v - v_l is the closing speed. The road surface scales the decelerations by a share; what a model
+gives as a time only is stretched by as much.
+
+The coefficients were written down without the papers at hand, as the literature commonly quotes them; all are
+settings.
+"""
+
+import math
+from typing import Literal, NamedTuple
+
+from pydantic import Field
+
+from sumo_net.compile import kernel
+from sumo_net.settings import settings
+
+ModelName = Literal["mazda", "honda", "berkeley", "camp", "ttc"]
+MODELS: tuple[ModelName, ...] = ("mazda", "honda", "berkeley", "camp", "ttc")
+SurfaceName = Literal["dry", "wet", "snow"]
+SURFACES: tuple[SurfaceName, ...] = ("dry", "wet", "snow")
+MAZDA, HONDA, BERKELEY, CAMP, TTC = range(5)
+
+_G = 9.80665
+
+
+@settings
+class SafeDistance:
+    """Which model, on which surface, and the models' parameters."""
+
+    model: ModelName = Field("camp", description="mazda, honda, berkeley, camp, ttc")
+    surface: SurfaceName = Field("dry", description="the driver's selector: dry, wet, snow")
+    wet_share: float = Field(0.7, gt=0, le=1, description="of the dry decelerations")
+    snow_share: float = Field(0.35, gt=0, le=1, description="of the dry decelerations")
+
+    mazda_own_mps2: float = Field(6.0, gt=0, description="α₁, own deceleration")
+    mazda_leader_mps2: float = Field(8.0, gt=0, description="α₂, the leader's")
+    mazda_system_s: float = Field(0.1, ge=0, description="τ₁")
+    mazda_driver_s: float = Field(0.6, ge=0, description="τ₂")
+    mazda_least_m: float = Field(5.0, ge=0, description="d₀")
+    mazda_margin_m: float = Field(5.0, ge=0, description="ε, from danger to reminder")
+
+    honda_time_s: float = Field(2.2, gt=0, description="of the reminder")
+    honda_least_m: float = Field(6.2, ge=0, description="of the reminder")
+    honda_mps2: float = Field(7.8, gt=0, description="α₁ = α₂")
+    honda_system_s: float = Field(0.5, ge=0, description="τ₁")
+    honda_braking_s: float = Field(1.5, gt=0, description="τ₂")
+
+    berkeley_mps2: float = Field(6.0, gt=0, description="α of both vehicles")
+    berkeley_s: float = Field(1.2, gt=0, description="τ, of driver 1.0 s and system 0.2 s")
+    berkeley_least_m: float = Field(5.0, ge=0, description="d₀")
+
+    camp_reminder_s: float = Field(1.9, ge=0, description="delay to braking: driver 1.52 s, system 0.38 s")
+    camp_danger_s: float = Field(0.9, ge=0, description="the same for one who was reminded")
+    camp_least_m: float = Field(1.0, ge=0, description="gap that is left in the end")
+
+    ttc_reminder_s: float = Field(2.8, gt=0, description="time to collision of the reminder")
+    ttc_danger_s: float = Field(1.6, gt=0, description="and of danger")
+    ttc_reaction_s: float = Field(0.8, ge=0, description="the part of both that the surface does not stretch")
+
+    @property
+    def share(self) -> float:
+        """What the surface leaves of the dry decelerations."""
+        return {"dry": 1.0, "wet": self.wet_share, "snow": self.snow_share}[self.surface]
+
+
+class SafeNumbers(NamedTuple):
+    """The settings as kernels take them; names without prefix are common to the models."""
+
+    model: int
+    share: float
+    mazda_own: float
+    mazda_leader: float
+    mazda_system: float
+    mazda_driver: float
+    mazda_least: float
+    mazda_margin: float
+    honda_time: float
+    honda_least: float
+    honda_brake: float
+    honda_system: float
+    honda_braking: float
+    berkeley_brake: float
+    berkeley_time: float
+    berkeley_least: float
+    camp_reminder: float
+    camp_danger: float
+    camp_least: float
+    ttc_reminder: float
+    ttc_danger: float
+    ttc_reaction: float
+
+
+def numbers(s: SafeDistance) -> SafeNumbers:
+    """The kernel's view of the settings."""
+    return SafeNumbers(
+        MODELS.index(s.model),
+        s.share,
+        s.mazda_own_mps2,
+        s.mazda_leader_mps2,
+        s.mazda_system_s,
+        s.mazda_driver_s,
+        s.mazda_least_m,
+        s.mazda_margin_m,
+        s.honda_time_s,
+        s.honda_least_m,
+        s.honda_mps2,
+        s.honda_system_s,
+        s.honda_braking_s,
+        s.berkeley_mps2,
+        s.berkeley_s,
+        s.berkeley_least_m,
+        s.camp_reminder_s,
+        s.camp_danger_s,
+        s.camp_least_m,
+        s.ttc_reminder_s,
+        s.ttc_danger_s,
+        s.ttc_reaction_s,
+    )
+
+
+@kernel
+def _root(gap, closing, gain):  # type: ignore[no-untyped-def]
+    """First time at which closing t + gain t²/2 = gap; inf where never. Without cancellation."""
+    square = closing * closing + 2.0 * gain * gap
+    if square < 0.0:
+        return math.inf
+    below = closing + math.sqrt(square)
+    return 2.0 * gap / below if below > 0.0 else math.inf
+
+
+@kernel
+def time_to_collision(gap, v, a, v_l, a_l):  # type: ignore[no-untyped-def]
+    """Time until the gap is closed at constant accelerations; inf where it never is, 0 where it is none.
+
+    Whoever brakes stands still when stopped, and does not go backwards. a = a_l = 0 gives the gap over the
+    closing speed.
+    """
+    if gap <= 0.0:
+        return 0.0
+    stop = v / -a if a < 0.0 else math.inf
+    stop_l = v_l / -a_l if a_l < 0.0 else math.inf
+    t = _root(gap, v - v_l, a - a_l)
+    if t <= min(stop, stop_l):
+        return t
+    if stop <= stop_l:
+        return math.inf
+    return _root(gap + v_l * v_l / (-2.0 * a_l), v, a)
+
+
+@kernel
+def mazda(v, v_l, p):  # type: ignore[no-untyped-def]
+    """(v²/α₁ - v_l²/α₂)/2 + v τ₁ + c τ₂ + d₀ (Doi et al. 1994, as in Seiler, Song, Hedrick, SAE 980853)."""
+    brake = 0.5 * (v * v / p.mazda_own - v_l * v_l / p.mazda_leader) / p.share
+    danger = brake + v * p.mazda_system + (v - v_l) * p.mazda_driver + p.mazda_least
+    return danger + p.mazda_margin, danger
+
+
+@kernel
+def honda(v, v_l, p):  # type: ignore[no-untyped-def]
+    """2.2 c + 6.2; c τ₂ + τ₁ τ₂ α - α τ₁²/2, or where the leader stops within τ₂,
+    v τ₂ - α (τ₂ - τ₁)²/2 - v_l²/(2 α) (Fujita et al. 1995, as in Seiler, Song, Hedrick, SAE 980853).
+    """
+    c, alpha, t1, t2 = v - v_l, p.honda_brake, p.honda_system, p.honda_braking
+    if v_l / alpha >= t2:
+        danger = c * t2 + t1 * t2 * alpha - 0.5 * alpha * t1 * t1
+    else:
+        danger = v * t2 - 0.5 * alpha * (t2 - t1) ** 2 - v_l * v_l / (2.0 * alpha)
+    return p.honda_time * c / p.share + p.honda_least, danger / p.share
+
+
+@kernel
+def berkeley(v, v_l, p):  # type: ignore[no-untyped-def]
+    """(v² - v_l²)/(2 α) + v τ + d₀; c τ + α τ²/2 (Seiler, Song, Hedrick, SAE 980853)."""
+    alpha, tau = p.berkeley_brake, p.berkeley_time
+    reminder = 0.5 * (v * v - v_l * v_l) / (alpha * p.share) + v * tau + p.berkeley_least
+    return reminder, ((v - v_l) * tau + 0.5 * alpha * tau * tau) / p.share
+
+
+@kernel
+def _camp_range(v, a, v_l, a_l, delay, p):  # type: ignore[no-untyped-def]
+    # Gap used up during the delay, both going on as now, and after it.
+    stop = min(delay, v / -a) if a < 0.0 else delay
+    stop_l = min(delay, v_l / -a_l) if a_l < 0.0 else delay
+    way = v * stop + 0.5 * a * stop * stop
+    way_l = v_l * stop_l + 0.5 * a_l * stop_l * stop_l
+    v1, v2 = max(v + a * stop, 0.0), max(v_l + a_l * stop_l, 0.0)
+    if stop < delay:
+        v1 = 0.0
+    if stop_l < delay:
+        v2 = 0.0
+    moving = 0.080 if v2 > 0.0 else 0.0
+    # In g; for a leader that would brake even less than nothing the driver's braking stays a braking.
+    need = -0.165 + 0.685 * min(a_l, 0.0) / _G + moving - 0.00889 * (v1 - v2)
+    brake = -min(need, -0.05) * _G * p.share
+    used = way - way_l
+    if v1 <= v2 and a_l >= -brake:
+        return used
+    if v2 <= 0.0:
+        return used + v1 * v1 / (2.0 * brake)
+    if a_l > -brake:
+        same = (v1 - v2) / (a_l + brake)  # when both are equally fast
+        if a_l >= 0.0 or same <= v2 / -a_l:
+            return used + 0.5 * (v1 - v2) * same
+    return used + v1 * v1 / (2.0 * brake) - v2 * v2 / (-2.0 * a_l)
+
+
+@kernel
+def camp(v, a, v_l, a_l, p):  # type: ignore[no-untyped-def]
+    """Delay range plus brake onset range (Kiefer et al., CAMP forward collision warning project, 1999).
+
+    After the delay the driver brakes by -0.165 + 0.685 a_l + 0.080 (leader moving) - 0.00889 c, in g.
+    """
+    reminder = _camp_range(v, a, v_l, a_l, p.camp_reminder, p) + p.camp_least
+    danger = _camp_range(v, a, v_l, a_l, p.camp_danger, p) + p.camp_least
+    return max(reminder, danger), danger
+
+
+@kernel
+def _closed_within(v, a, v_l, a_l, time):  # type: ignore[no-untyped-def]
+    """The largest gap that is closed within `time` at constant accelerations, at least 0."""
+    most = 0.0
+    stop = v / -a if a < 0.0 else math.inf
+    stop_l = v_l / -a_l if a_l < 0.0 else math.inf
+    equal = (v - v_l) / (a_l - a) if a_l > a else math.inf  # the gap is least when both are equally fast
+    for t in (time, min(time, max(equal, 0.0)), min(time, stop), min(time, stop_l)):
+        t1, t2 = min(t, stop), min(t, stop_l)
+        most = max(most, v * t1 + 0.5 * a * t1 * t1 - v_l * t2 - 0.5 * a_l * t2 * t2)
+    return most
+
+
+@kernel
+def ttc(v, a, v_l, a_l, p):  # type: ignore[no-untyped-def]
+    """The gaps at which the time to collision at constant accelerations falls under the two times."""
+    reminder = p.ttc_reaction + max(p.ttc_reminder - p.ttc_reaction, 0.0) / p.share
+    danger = p.ttc_reaction + max(p.ttc_danger - p.ttc_reaction, 0.0) / p.share
+    return _closed_within(v, a, v_l, a_l, reminder), _closed_within(v, a, v_l, a_l, danger)
+
+
+@kernel
+def safe_distances(v, a, v_l, a_l, p):  # type: ignore[no-untyped-def]
+    """(reminder, danger) m by the model chosen, never below 0; reminder is never below danger."""
+    if p.model == MAZDA:
+        reminder, danger = mazda(v, v_l, p)
+    elif p.model == HONDA:
+        reminder, danger = honda(v, v_l, p)
+    elif p.model == BERKELEY:
+        reminder, danger = berkeley(v, v_l, p)
+    elif p.model == CAMP:
+        reminder, danger = camp(v, a, v_l, a_l, p)
+    else:
+        reminder, danger = ttc(v, a, v_l, a_l, p)
+    danger = max(danger, 0.0)
+    return max(reminder, danger), danger
