@@ -14,17 +14,24 @@ from plugin.lane.road_model import (
     STATES,
     TURN,
     WIDTH,
+    curvature_at,
 )
 from sumo_net.compile import kernel
 
 
 @kernel
 def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
-    """Move state and covariance on by one step in which the vehicle drove `advance` metres; returns phase."""
+    """Move state and covariance on by one step in which the vehicle drove `advance` metres; returns phase.
+
+    The centre of gravity moves along the heading and, by v_y = γ (l_r - c v²), aside: the sideslip of a
+    steady turn (single-track model), without which the heading would be off by it in every bend.
+    """
     T = t.step_s
     keep = math.exp(-T / t.turn_time_s)
-    drift = advance * T * 0.5
-    x[OFFSET] += advance * x[HEADING] + drift * x[TURN]
+    speed = advance / T
+    slip = t.rear_axle_m - t.rear_slip_s2pm * speed * speed  # v_y / γ
+    drift = advance * T * 0.5 + T * slip
+    x[OFFSET] += advance * (x[HEADING] + slip * curvature_at(x, phase, 0.5 * advance)) + drift * x[TURN]
     x[HEADING] += T * x[TURN]
     x[TURN] *= keep
     x[PITCH] *= t.pitch_keep

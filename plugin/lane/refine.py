@@ -42,6 +42,10 @@ class Refine:
     range_m: float = Field(REACH_M, gt=20, le=REACH_M, description="how far the borders are followed")
     contrast: float = Field(6.0, gt=0, description="least response of a ridge, grey levels")
     noise_factor: float = Field(2.5, ge=0, description="least response over its standard deviation by noise")
+    rear_axle_m: float = Field(1.06, ge=0, description="l_r, from the centre of gravity to the rear axle")
+    rear_slip_s2pm: float = Field(
+        0.0093, ge=0, description="m l_f / (L k_r): the rear axle's slip angle over lateral acceleration"
+    )
     pitch_std_rad: float = Field(0.002, ge=0, description="of the vehicle's pitch against the calibration")
     pitch_time_s: float = Field(0.3, gt=0, description="correlation time of that")
     bend_std_1pm: float = Field(6e-4, gt=0, description="change of curvature over 15 m of unseen road")
@@ -72,6 +76,8 @@ class Tuning(NamedTuple):
     range_m: float
     contrast: float
     noise_factor: float
+    rear_axle_m: float
+    rear_slip_s2pm: float
     pitch_std: float
     pitch_keep: float
     bend_std: float
@@ -80,7 +86,7 @@ class Tuning(NamedTuple):
     one_sided_frames: int
     turn_std: float = 0.015
     turn_time_s: float = 0.8
-    offset_walk: float = 0.02
+    offset_walk: float = 0.006
     heading_walk: float = 0.0005
     width_walk: float = 0.01
     knot_walk: float = 3e-5  # per root metre driven
@@ -162,6 +168,8 @@ def tuning(refine: Refine, preview_m: float) -> Tuning:
         refine.range_m,
         refine.contrast,
         refine.noise_factor,
+        refine.rear_axle_m,
+        refine.rear_slip_s2pm,
         max(refine.pitch_std_rad, 1e-6),
         math.exp(-refine.step_s / refine.pitch_time_s),
         refine.bend_std_1pm,

@@ -65,9 +65,9 @@ class FilterSettings:
     heading_bias_time_s: float = Field(2.0, gt=0, description="camera: its correlation time")
     pivot_m: float = Field(10.0, ge=0, description="camera: heading errors leave the lane so far ahead alone")
     heading_per_slip: float = Field(
-        0.0055,
+        0.0,
         ge=0,
-        description="camera: rad by which the heading errs per m/s of v_y (tracker without slip)",
+        description="camera: rad by which the heading errs per m/s of v_y, for a tracker without slip",
     )
 
     road_curvature_rate_1pm2: float = Field(1.5e-5, gt=0, description="road: how fast curvature changes")

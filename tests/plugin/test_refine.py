@@ -19,6 +19,8 @@ CAMERA = Camera()
 P = projection(CAMERA)
 SIDES = ((road_model.LEFT, 0.5), (road_model.RIGHT, -0.5))
 
+NO_SLIP = Refine(rear_axle_m=0.0, rear_slip_s2pm=0.0)  # for cars that are moved along their heading
+
 
 def state_of(offset=0.2, heading=0.01, curvature=0.002, rate=0.0, width=3.6, phase=4.0):
     """x of a clothoid whose knots have the curvatures that it has there."""
@@ -109,7 +111,7 @@ def test_inverse_is_numpys():
 
 
 def test_prediction_leaves_the_road_where_it_is():
-    tuning = refine.tuning(Refine(), 33.5)
+    tuning = refine.tuning(NO_SLIP, 33.5)
     x, covariance = state_of(0.3, 0.0, 0.002, 1e-5, phase=13.0), np.eye(road_model.STATES) * 1e-4
     before = road_model.curvature_at(x, 13.0, 40.0)
     phase = lane_motion.predict(x, covariance, 13.0, 3.0, tuning)
@@ -194,7 +196,7 @@ def test_a_drive_is_followed_within_the_targets(condition, curvature, rate, limi
     for k in range(10 * seconds):
         offset, heading = wander(n, k, drive.speed)
         bend = drive.frame(offset, heading)
-        state, lane = step(drive.frames, None, None, state, P, np.full(n, drive.speed), Refine())
+        state, lane = step(drive.frames, None, None, state, P, np.full(n, drive.speed), NO_SLIP)
         locked.append(lane.locked)
         errors.append(
             [lane.lateral_offset_m - offset, lane.heading_error_rad - heading, lane.curvature_1pm - bend]
@@ -215,7 +217,7 @@ def test_a_lane_change_keeps_the_lock_and_shifts_once():
         offset = 3.75 * (u - np.sin(2 * np.pi * u) / (2 * np.pi))
         heading = np.arctan(3.75 / 5.0 * (1 - np.cos(2 * np.pi * u)) / drive.speed)
         drive.frame(np.full(n, offset), np.full(n, heading))
-        state, lane = step(drive.frames, None, None, state, P, np.full(n, drive.speed), Refine())
+        state, lane = step(drive.frames, None, None, state, P, np.full(n, drive.speed), NO_SLIP)
         assert lane.locked.all()
         shifts += lane.lane_shift
         own = offset - 3.75 * round(offset / 3.75)
