@@ -187,6 +187,8 @@ class Vision:
             other = own[again] + np.sign(scene.lane_offset_m[again]).astype(np.int64)
             meant = self._against(select(scene, again), select(looks, again), columns[again], other)
             verdict[again] = np.maximum(meant, 0)
+        # beside all lanes there is no ego lane to be found
+        verdict[np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m + _STRADDLING_M] = -1
         return verdict
 
     def _against(self, scene: Scene, looks: Looks, columns: Array, right_slot: Array) -> Array:
