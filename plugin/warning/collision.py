@@ -12,6 +12,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from plugin.motion.estimate import MotionEstimate
+from plugin.tracking import classification
+from plugin.tracking.tracker import TrackList
 from plugin.warning import collision_kernels as kernels
 from plugin.warning import safe_distance
 from plugin.warning.collision_kernels import (
@@ -49,6 +51,7 @@ __all__ = [
     "Targets",
     "init",
     "step",
+    "targets_from",
 ]
 
 CODES = ("inactive", "ready", "reminder", "danger", "suppressed")
@@ -70,6 +73,10 @@ class Collision:
     stationary_reach_s: float = Field(
         3.0, gt=0, description="and only within so many seconds at the own speed"
     )
+    stationary_furthest_m: float = Field(90.0, gt=0, description="and not further than this")
+    curvature_doubt_1pm: float = Field(
+        1e-4, ge=0, le=1e-2, description="of the lane's: half this times x² narrows the path at x"
+    )
     lost_reach_s: float = Field(
         2.5, gt=0, description="while the lane is lost, nothing further than this at the own speed"
     )
@@ -80,7 +87,7 @@ class Collision:
         0.5, ge=0, description="an object in path lies no further aside than this at the bumper …"
     )
     near_angle_rad: float = Field(
-        math.radians(20.0), gt=0, lt=1.4, description="… and further on within this angle of the axis, 20°"
+        math.radians(15.0), gt=0, lt=1.4, description="… and further on within this angle of the axis, 15°"
     )
     road_reach_m: float = Field(60.0, gt=0, description="the lane's curvature changes on up to there")
     least_speed_mps: float = Field(2.8, ge=0, description="active from 10 km/h")
@@ -126,6 +133,28 @@ class Targets(NamedTuple):
     detected: Array  # bool: in this step
     usable: Array  # bool: confirmed, not oncoming, detected lately
     standing: Array  # bool: never seen moving
+
+
+def targets_from(tracks: TrackList, unseen_s: Array, latest_s: float = 0.25) -> Targets:
+    """The tracker's list as targets; unseen_s (T,) is `TrackerState.tracks.unseen_s`, in the same order.
+
+    Left out are tracks that are tentative, oncoming (or were so before they stopped), or not detected for
+    longer than `latest_s`: those of vehicles just passed drift into the path while they coast.
+    """
+    oncoming = np.isin(tracks.motion_state, (classification.ONCOMING, classification.STOPPED_ONCOMING))
+    e = tracks.estimate
+    return Targets(
+        tracks.owner,
+        tracks.track_id,
+        e.x_m,
+        e.y_m,
+        e.vx_mps,
+        e.vy_mps,
+        e.ax_mps2,
+        tracks.detection >= 0,
+        tracks.confirmed & ~oncoming & (unseen_s <= latest_s),
+        np.isin(tracks.motion_state, (classification.STATIONARY, classification.UNCLASSIFIED)),
+    )
 
 
 class CollisionState(NamedTuple):
@@ -178,6 +207,8 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
             o.half_lane_m,
             o.stationary_half_m,
             o.stationary_reach_s,
+            o.stationary_furthest_m,
+            o.curvature_doubt_1pm,
             o.lost_reach_s,
             o.bumper_m,
             o.entry_gap_m,

@@ -21,6 +21,8 @@ class PathNumbers(NamedTuple):
     half_lane: float  # m, when the lane is lost
     stationary: float  # m from the middle, for objects never seen moving
     stationary_reach: float  # s
+    stationary_furthest: float  # m
+    doubt: float  # 1/m
     lost_reach: float  # s
     bumper: float  # m
     entry: float  # m, gap
@@ -104,12 +106,14 @@ def in_path(tracks, motion, speed, yaw_rate, p, was, now, inside, offset):  # ty
         known = False
         for k in range(was.shape[1]):
             known = known or was[i, k] == tracks.track_id[t]
-        inside[t] = abs(d) <= (half + p.leave if known else half - p.enter)
+        doubt = 0.5 * p.doubt * x * x  # how far off a wrong curvature puts the lane there
+        inside[t] = abs(d) <= (half + p.leave if known else half - p.enter) - doubt
         # Beside the front, at the edge of the view, positions are poor: an object there is being passed.
         inside[t] = inside[t] and (known or x - p.bumper >= p.entry)
         inside[t] = inside[t] and abs(y) <= p.body + p.slope * max(x - p.bumper, 0.0)
         if inside[t] and tracks.standing[t]:
-            inside[t] = abs(d) <= p.stationary and x <= p.stationary_reach * speed[i]
+            reach = min(p.stationary_reach * speed[i], p.stationary_furthest)
+            inside[t] = abs(d) <= p.stationary - doubt and x <= reach
         if inside[t] and not seen:
             inside[t] = x <= p.lost_reach * speed[i]
         if inside[t]:

@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from plugin.motion.estimate import MotionEstimate
+from plugin.tracking import classification
+from plugin.tracking.detections import Estimate
+from plugin.tracking.tracker import TrackList
 from plugin.warning import collision
 from plugin.warning.collision import (
     ALARM,
@@ -23,6 +26,7 @@ from plugin.warning.collision import (
     Collision,
     CollisionWarning,
     Targets,
+    targets_from,
 )
 from plugin.warning.collision_kernels import road_offset
 from plugin.warning.safe_distance import MODELS, SURFACES, SafeDistance
@@ -132,8 +136,14 @@ def test_path_is_the_steered_circle_while_the_lane_is_lost() -> None:
 
 def test_hysteresis_keeps_a_target_at_the_border() -> None:
     driver = Driver()
-    inside = [driver.step({"x_m": 40.0, "y_m": y})[1].inside[0] for y in (1.8, 1.4, 1.8, 2.05, 2.2, 1.8)]
+    inside = [driver.step({"x_m": 40.0, "y_m": y})[1].inside[0] for y in (1.8, 1.4, 1.8, 1.95, 2.2, 1.8)]
     assert inside == [False, True, True, True, False, False]
+
+
+def test_path_narrows_with_the_distance_for_a_curvature_that_may_be_wrong() -> None:
+    assert Driver().step({"x_m": 40.0, "y_m": 1.4})[1].inside[0]
+    assert not Driver().step({"x_m": 100.0, "y_m": 1.4})[1].inside[0]
+    assert Driver(curvature_doubt_1pm=0.0).step({"x_m": 100.0, "y_m": 1.4})[1].inside[0]
 
 
 def test_nearest_in_path_is_the_target_and_no_one_else_counts() -> None:
@@ -267,7 +277,8 @@ def fleet(n: int, seed: int = 3) -> tuple[Targets, MotionEstimate, np.ndarray, n
     track = np.arange(size) - np.repeat(np.cumsum(count) - count, count)
     found = Targets(
         owner, track, rng.uniform(5, 90, size), rng.uniform(-4, 4, size), rng.uniform(0, 35, size),
-        np.zeros(size), rng.uniform(-6, 2, size), rng.random(size) < 0.9, rng.random(size) < 0.9, rng.random(size) < 0.1,
+        np.zeros(size), rng.uniform(-6, 2, size), rng.random(size) < 0.9,
+        rng.random(size) < 0.9, rng.random(size) < 0.1,
     )  # fmt: skip
     lane = motion(
         n,
@@ -315,6 +326,22 @@ def test_slices_and_order_of_tracks_change_nothing() -> None:
     _, mixed, _ = play(select(found, order), lane, v, a, yaw_rate)
     np.testing.assert_array_equal(whole.level, mixed.level)
     np.testing.assert_array_equal(whole.track_id, mixed.track_id)
+
+
+def test_targets_are_confirmed_tracks_detected_lately_that_do_not_come_towards_us() -> None:
+    states = (classification.SAME_DIRECTION, classification.ONCOMING, classification.STATIONARY)
+    state = np.array([*states, *states[:1] * 2], np.int8)
+    count = np.arange(5)
+    estimate = Estimate(*(count * 10.0 + k for k in range(len(Estimate._fields))))
+    listed = TrackList(
+        count, count + 3, count - 9, count != 3, np.array([0, 1, 2, 3, -1]), state, 0 * count, estimate
+    )
+    found = targets_from(listed, np.array([0.0, 0.0, 0.0, 0.0, 0.4]))
+    assert found.usable.tolist() == [True, False, True, False, False]
+    assert found.standing.tolist() == [False, False, True, False, False]
+    assert found.detected.tolist() == [True, True, True, True, False]
+    assert found.x_m.tolist() == [3.0, 13.0, 23.0, 33.0, 43.0]
+    assert targets_from(listed, np.full(5, 0.2)).usable[4]
 
 
 def test_nobody_ahead_and_no_vehicles() -> None:
