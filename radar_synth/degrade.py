@@ -18,7 +18,8 @@ def measure(
 
     An echo is detected with P = P_fa^(1/(1+SNR)), a Swerling 1 target (Skolnik, Introduction to Radar
     Systems), times `most_likely`; SNR = SNR_0 (100 m / r)⁴ σ / 10 m², σ growing with the visible area, so
-    that P falls with the range and with what is hidden. Detections stand in the order of their measured range.
+    that P falls with the range and with what is hidden. What comes out below the least range is not
+    reported, nor is a body of which too little shows. Detections stand in the order of their measured range.
     """
     n, most = len(keys), radar.most_detections
     reported = Scan(np.zeros(n, np.int64), *(np.full((n, most), np.nan) for _ in range(3)))
