@@ -132,7 +132,8 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
         seen_m = farthest_found(rows, x, p, work) if seen_left or seen_right else 0.0
         doubtful = False
         for side in range(2):
-            doubtful = doubtful or new.found[i, side] < 0.6 * new.share[i, side]
+            seen_lately = max(new.found[i, side], old.found[i, side])
+            doubtful = doubtful or seen_lately < 0.6 * new.share[i, side]
         if status != SEARCHING and second_look(status, age, misses, doubtful):
             support = support_of(work) if seen_left or seen_right else 0
             fresh = start(
