@@ -73,7 +73,11 @@ def test_no_number_is_missing_without_the_flag_that_explains_it(short_run: Path)
     assert steps[["speed_mps", "true_lateral_offset_m", "true_yaw_rate_rps"]].notna().all(axis=None)
     locked = steps[steps["lane_locked"]]
     assert len(locked) > 0.9 * len(steps)
-    assert locked[["lateral_offset_m", "heading_error_rad", "curvature_1pm", "lane_width_m"]].notna().all(axis=None)
+    assert (
+        locked[["lateral_offset_m", "heading_error_rad", "curvature_1pm", "lane_width_m"]]
+        .notna()
+        .all(axis=None)
+    )
     assert steps.loc[~steps["lane_locked"], ["lateral_offset_m", "curvature_1pm"]].isna().all(axis=None)
 
 
@@ -96,9 +100,11 @@ def test_same_seed_same_bytes_whatever_the_share_equipped(tmp_path: Path) -> Non
     first = few["time_s"].min()
     sensed = ["vehicle_id", "lateral_offset_m", "true_lateral_offset_m", "lane_score"]
     shared = many[many["vehicle_id"].isin(few["vehicle_id"]) & (many["time_s"] == first)]
-    # later on the equipped vehicles' lateral motion is seen by others' cameras, so only the first step is equal
-    assert few.loc[few["time_s"] == first, sensed].reset_index(drop=True).equals(
-        shared[sensed].reset_index(drop=True)
+    # later, equipped vehicles' lateral motion is seen by others' cameras: only the first step is equal
+    assert (
+        few.loc[few["time_s"] == first, sensed]
+        .reset_index(drop=True)
+        .equals(shared[sensed].reset_index(drop=True))
     )
 
 

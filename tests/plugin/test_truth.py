@@ -34,7 +34,7 @@ def columns(step: int, offset: float, drift: float, **more: Any) -> dict[str, np
         "tlc_s": np.nan,
     } | more
     arrays = {name: np.array([value]) for name, value in row.items()}
-    return arrays | {name: path for name in ("predicted", "constant_velocity", "constant_radius", "true_state")}
+    return arrays | dict.fromkeys(("predicted", "constant_velocity", "constant_radius", "true_state"), path)
 
 
 def score(rows: list[dict[str, np.ndarray]], settle_every: int = 37) -> Recorder:
