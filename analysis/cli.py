@@ -263,7 +263,7 @@ def evaluate(
     ] = 60.0,
     equip: Annotated[
         float, typer.Option("--equip", help="Share of equipped vehicles.", min=0, max=1, metavar="FRACTION")
-    ] = 0.2,
+    ] = 0.1,
     workers: Annotated[int, typer.Option("--workers", help="Runs at once.", min=1, metavar="N")] = 2,
     scenario: Annotated[str, typer.Option("--scenario", help="As for run.", metavar="SCENARIO")] = "highway",
 ) -> None:
