@@ -89,8 +89,8 @@ class FilterSettings:
     yaw_rate_noise: float = Field(5e-4, ge=0, description="model: γ, rad/s per √s")
     heading_noise: float = Field(1e-5, ge=0, description="model: ψ, rad per √s")
 
-    clip_sd: float = Field(3.0, gt=1, description="an innovation counts up to so many sd, twice that …")
-    doubt_sd: float = Field(8.0, gt=1, description="a look so far off contradicts the estimate: no warning")
+    clip_sd: float = Field(6.0, gt=1, description="an innovation counts up to so many sd, twice that …")
+    doubt_sd: float = Field(16.0, gt=1, description="a look so far off contradicts the estimate: no warning")
     misfit_m: float = Field(0.3, gt=0, description="or its offset so far off, makes a misfit")
     misfit_looks: int = Field(3, ge=1, description="so many in a row start the filter anew")
     settle_s: float = Field(0.3, ge=0, description="nothing is said for so long after a start")
