@@ -13,7 +13,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.cli import Filter, LogFormat, main
+from analysis.cli import main
+from analysis.commands.recordings import Filter, LogFormat
 from analysis.radar_formats import FORMATS
 from plugin.record import read_table
 from plugin.schema import TABLES

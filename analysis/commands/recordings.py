@@ -1,0 +1,93 @@
+"""Commands on recorded input: `detect`, `calibrate`, `track`."""
+
+import enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from analysis.commands.common import Mode, Out, plain_errors, told_where
+
+
+class Filter(enum.StrEnum):
+    """The radar tracker's filters."""
+
+    IMM = "imm"
+    ADAPTIVE = "adaptive"
+    PATENT = "patent"
+    CV = "cv"
+    CA = "ca"
+
+
+class LogFormat(enum.StrEnum):
+    """Radar logs that can be read."""
+
+    CSV = "csv"
+    COMMA2K19 = "comma2k19"
+    UDACITY = "udacity"
+
+
+def detect(
+    source: Annotated[
+        Path, typer.Argument(help="A video, a folder of images, or an image.", metavar="SOURCE")
+    ],
+    camera: Annotated[
+        Path, typer.Option("--camera", help="Camera file, as `calibrate` proposes it.", metavar="FILE")
+    ],
+    out: Out = Path("out"),
+    overlay: Annotated[
+        Path | None,
+        typer.Option("--overlay", help="Video with borders and predicted path.", metavar="FILE"),
+    ] = None,
+    mode: Annotated[Mode, typer.Option(help="The published search, or the default tracker.")] = Mode.REFINED,
+    speed: Annotated[
+        float, typer.Option("--speed", help="Speed of the vehicle in m/s.", min=0, max=100, metavar="V")
+    ] = 25.0,
+) -> None:
+    """Find the lane in recorded footage."""
+    from analysis.recorded import detect as detect_lanes
+
+    with plain_errors(), told_where(out):
+        detect_lanes(source, camera, out, overlay=overlay, mode=mode.value, speed_mps=speed)
+
+
+def calibrate(
+    images: Annotated[
+        list[Path], typer.Argument(help="One or more images of a straight road.", metavar="IMAGE...")
+    ],
+    lane_width: Annotated[
+        float, typer.Option("--lane-width", help="Width of the ego lane in m.", metavar="M")
+    ] = 3.7,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            "--height", help="Height of the camera in m, where known; else from the lane width.", metavar="M"
+        ),
+    ] = None,
+) -> None:
+    """Propose a camera file, as TOML on standard output."""
+    from analysis.calibrate import calibrate as propose
+
+    with plain_errors():
+        typer.echo(propose(images, lane_width_m=lane_width, height_m=height))
+
+
+def track(
+    log: Annotated[Path, typer.Argument(help="A row a detection, or what the format says.", metavar="LOG")],
+    out: Out = Path("out"),
+    filter_name: Annotated[Filter, typer.Option("--filter", help="Of the tracker.")] = Filter.IMM,
+    log_format: Annotated[LogFormat, typer.Option("--format", help="Of the log.")] = LogFormat.CSV,
+    own_association: Annotated[
+        bool, typer.Option("--own-association", help="Associate also where the log gives the targets.")
+    ] = False,
+) -> None:
+    """Track the objects of a recorded radar log."""
+    from analysis.radar_formats import track_recording
+    from analysis.radar_log import rmse
+
+    with plain_errors(), told_where(out):
+        table = track_recording(log, out, filter_name.value, log_format.value, own_association)
+        typer.echo(f"{'tracks':21} {table['track_id'].nunique()}")
+        for name, value in rmse(table).items():
+            typer.echo(f"RMSE {name:16} {value:.4f}")
+        typer.echo(f"Tables: {out}")

@@ -1,0 +1,63 @@
+"""Commands that run SUMO: `run`, `scenarios`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from analysis.commands.common import Format, Mode, Out, plain_errors, told_where
+
+
+def run(
+    scenario: Annotated[
+        str, typer.Argument(help="Built-in name, FILE.toml or FILE.sumocfg.", metavar="SCENARIO")
+    ] = "highway",
+    out: Out = Path("out"),
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=2**31 - 1, metavar="N", help="Of traffic, drivers, sensors; else the scenario's."
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, max=86_400, metavar="S", help="Seconds; else the scenario's.")
+    ] = None,
+    equip: Annotated[
+        float | None,
+        typer.Option(
+            min=0, max=1, metavar="FRACTION", help="Share of equipped vehicles; else the scenario's."
+        ),
+    ] = None,
+    mode: Annotated[
+        Mode | None,
+        typer.Option(help="The published chain as it is, or the default one; else the scenario's."),
+    ] = None,
+    table_format: Annotated[Format, typer.Option("--format", help="Of the tables.")] = Format.CSV,
+    compare_paper: Annotated[
+        bool, typer.Option("--compare-paper", help="Also judge the published search on every frame.")
+    ] = False,
+) -> None:
+    """Run a scenario in SUMO, write the tables and print a summary."""
+    from analysis.simulate import simulate
+    from analysis.summary import print_summary
+
+    with plain_errors(), told_where(out):
+        directory = simulate(
+            scenario,
+            out,
+            seed=seed,
+            duration_s=duration,
+            fraction=equip,
+            mode=None if mode is None else mode.value,
+            formats=("csv", "parquet") if table_format is Format.BOTH else (table_format.value,),
+            compare_paper=compare_paper,
+        )
+        print_summary(directory)
+
+
+def scenarios() -> None:
+    """List the built-in scenarios."""
+    from sumo_net.scenario import list_scenarios
+
+    for name, title in list_scenarios():
+        typer.echo(f"{name:14} {title}")
