@@ -19,7 +19,7 @@ from analysis.simulate import settings_of, simulate
 from plugin.record import read_table
 
 CONDITIONS = ("clear", "complex")
-TABLES = ("steps", "predictions", "warnings", "departures")
+TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
 
 
 class Target(NamedTuple):
@@ -40,6 +40,10 @@ TARGETS = (
     Target("tlc_error_p95_ratio", False, 1.25, 1.25),
     Target("warned_rate", True, 0.995, 0.995),
     Target("false_per_100km", False, 1.0, 1.0),
+    Target("class_accuracy", True, 0.995, 0.995),
+    Target("ttc_error_p95_s", False, 0.3, 0.3),
+    Target("conflicts_due_warned_rate", True, 1.0, 1.0),
+    Target("fcw_danger_false_per_100km", False, 1.0, 1.0),
 )
 PREDICTION_RATIO = 1.25
 

@@ -1,11 +1,11 @@
 """Figures from tables: lane accuracy, prediction errors and baselines, warnings against departures."""
 
-from collections.abc import Iterable
-
 import numpy as np
 import pandas as pd
-from scipy.stats import bootstrap, chi2
+from scipy.stats import bootstrap
 
+from analysis.rear_end import rear_end_figures
+from analysis.statistics import mean, per_100_km, poisson_interval, quantile
 from plugin.truth import HORIZONS_S
 
 CURVE_1PM = 2e-4  # a road less curved than this counts as straight
@@ -44,10 +44,10 @@ def lane_accuracy(steps: pd.DataFrame) -> dict[str, float]:
     locked = marked[marked["lane_locked"].fillna(False)]
     offset_error = _offset_error(locked)
     result = {
-        "recognition_rate": _mean(marked.loc[judged, "recognised"]),
-        "paper_recognition_rate": _mean(marked["paper_recognised"].dropna()),
-        "locked_rate": _mean(marked["lane_locked"].fillna(False)),
-        "other_lane_rate": _mean(offset_error.abs() >= 1.0),
+        "recognition_rate": mean(marked.loc[judged, "recognised"]),
+        "paper_recognition_rate": mean(marked["paper_recognised"].dropna()),
+        "locked_rate": mean(marked["lane_locked"].fillna(False)),
+        "other_lane_rate": mean(offset_error.abs() >= 1.0),
         "lateral_offset_rmse_m": _root_mean_square(offset_error),
     }
     for name, estimate, truth in (
@@ -138,9 +138,9 @@ def tlc_errors(steps: pd.DataFrame, below_s: float = 1.0) -> dict[str, float]:
     ):
         # no crossing foreseen within the horizon is an error of unknown size: it counts as infinite
         error = (near[column].fillna(np.inf) - near["true_tlc_s"]).abs()
-        result[f"{label}_error_median_s"] = _quantile(error, 0.5)
-        result[f"{label}_error_p95_s"] = _quantile(error, 0.95)
-        result[f"{label}_unforeseen_rate"] = _mean(near[column].isna())
+        result[f"{label}_error_median_s"] = quantile(error, 0.5)
+        result[f"{label}_error_p95_s"] = quantile(error, 0.95)
+        result[f"{label}_unforeseen_rate"] = mean(near[column].isna())
     return result
 
 
@@ -155,8 +155,8 @@ def warning_counts(warnings: pd.DataFrame, departures: pd.DataFrame, km: float) 
         "departures": len(meant),
         "departures_warned": int(warned.sum()),
         "departures_missed": int((~warned).sum()),
-        "warned_rate": _mean(warned),
-        "in_zone_rate": _mean(meant["in_zone"].dropna()),
+        "warned_rate": mean(warned),
+        "in_zone_rate": mean(meant["in_zone"].dropna()),
         "median_lead_time_s": float(meant.loc[warned, "lead_time_s"].median()),
         "departures_per_100km": per_100_km(len(meant), km),
         "warnings": len(outcome),
@@ -170,22 +170,18 @@ def warning_counts(warnings: pd.DataFrame, departures: pd.DataFrame, km: float) 
     }
 
 
-def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
-    """The exact (Garwood) interval of a Poisson mean."""
-    tail = (1.0 - level) / 2.0
-    low = float(chi2.ppf(tail, 2 * count) / 2.0) if count else 0.0
-    return low, float(chi2.ppf(1.0 - tail, 2 * count + 2) / 2.0)
-
-
-def per_100_km(count: float, km: float) -> float:
-    """A rate per 100 km, NaN where nothing was driven."""
-    return 100.0 * count / km if km > 0.0 else float("nan")
-
-
 def summary(
-    steps: pd.DataFrame, predictions: pd.DataFrame, warnings: pd.DataFrame, departures: pd.DataFrame
+    steps: pd.DataFrame,
+    predictions: pd.DataFrame,
+    warnings: pd.DataFrame,
+    departures: pd.DataFrame,
+    tracks: pd.DataFrame | None = None,
+    conflicts: pd.DataFrame | None = None,
 ) -> dict[str, float]:
-    """All figures of a run, or of many runs whose tables are put one after the other, under one name each."""
+    """All figures of a run, or of many runs whose tables are put one after the other, under one name each.
+
+    Those of the radar only where `tracks` and `conflicts` are given.
+    """
     km = distance_km(steps)
     result: dict[str, float] = {
         "vehicles": steps.groupby(["run_id", "vehicle_id"], observed=True).ngroups,
@@ -200,19 +196,10 @@ def summary(
         for label in ERRORS:
             result[f"{label}_error_{horizon}_median_m"] = row[f"{label}_median_m"]
             result[f"{label}_error_{horizon}_p95_m"] = row[f"{label}_p95_m"]
+    if tracks is not None and conflicts is not None:
+        result |= rear_end_figures(steps, tracks, conflicts, warnings, km)
     return result
-
-
-def _mean(values: Iterable[bool]) -> float:
-    array = np.asarray(list(values), dtype=float)
-    return float(array.mean()) if len(array) else float("nan")
 
 
 def _root_mean_square(values: pd.Series) -> float:
     return float(np.sqrt(np.square(values).mean()))  # NaN where nothing is known
-
-
-def _quantile(values: pd.Series, q: float) -> float:
-    if values.empty:
-        return float("nan")
-    return float(np.quantile(values.to_numpy(), q, method="higher"))

@@ -26,6 +26,8 @@ def print_summary(directory: Path, console: Console | None = None) -> None:
         read_table(directory, "predictions"),
         read_table(directory, "warnings"),
         read_table(directory, "departures"),
+        read_table(directory, "tracks"),
+        read_table(directory, "conflicts"),
     )
     if not figures["vehicle_steps"]:
         console.print(f"No equipped vehicle drove. Tables: {directory}", markup=False, soft_wrap=True)
@@ -50,11 +52,7 @@ def _figures(f: dict[str, float]) -> Table:
             ("  missed", f"{f['departures_missed']:.0f}"),
         ]
     rows += [
-        (
-            "warnings",
-            f"{f['warnings']:.0f}: {f['warnings_true']:.0f} true, {f['warnings_nuisance']:.0f} nuisance, "
-            f"{f['warnings_false']:.0f} false",
-        ),
+        ("warnings", _by_outcome(f, "warnings")),
         (
             "  false per 100 km",
             f"{f['false_per_100km']:.2f} (95 % interval {f['false_per_100km_low']:.2f} to "
@@ -76,10 +74,34 @@ def _figures(f: dict[str, float]) -> Table:
             ("TLC error below 1 s", _tlc(f, "tlc")),
             ("  from the true state", _tlc(f, "tlc_true_state")),
         ]
+    rows += _rear_end(f)
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def _rear_end(f: dict[str, float]) -> list[tuple[str, str]]:
+    rows = [
+        (
+            "rear-end conflicts",
+            f"{f['conflicts']:.0f}, {f['conflicts_critical']:.0f} with a time to collision under 2 s",
+        )
+    ]
+    if f["conflicts_due"]:
+        rows.append(("  warned in time", f"{f['conflicts_due_warned']:.0f} of {f['conflicts_due']:.0f} due"))
+    rows += [(f"{level} warnings", _by_outcome(f, f"fcw_{level}")) for level in ("reminder", "danger")]
+    if f["ttc_steps"]:
+        rows.append(("TTC error below 3 s", _tlc(f, "ttc")))
+    rows.append(
+        ("radar tracks", f"{f['track_steps']:.0f} rows, class right in {_share(f['class_accuracy'], 'them')}")
+    )
+    return rows
+
+
+def _by_outcome(f: dict[str, float], name: str) -> str:
+    parts = [f"{f[f'{name}_{outcome}']:.0f} {outcome}" for outcome in ("true", "nuisance", "false")]
+    return f"{f[name]:.0f}: {', '.join(parts)}"
 
 
 def _predictions(f: dict[str, float]) -> Table:
@@ -111,5 +133,5 @@ def _number(value: float, decimals: int = 2) -> str:
     return "–" if math.isnan(value) else f"{value:.{decimals}f}"
 
 
-def _share(value: float) -> str:
-    return "–" if math.isnan(value) else f"{100.0 * value:.2f} % of frames"
+def _share(value: float, of: str = "frames") -> str:
+    return "–" if math.isnan(value) else f"{100.0 * value:.2f} % of {of}"

@@ -6,6 +6,8 @@ _ROWS = {
     "steps": "an equipped vehicle × 0.1 s",
     "predictions": "an equipped vehicle × 0.1 s × horizon (0.5, 1, 1.5, 2 s)",
     "warnings": "a warning",
+    "tracks": "a confirmed radar track × 0.1 s",
+    "conflicts": "a true rear-end conflict of an equipped vehicle with its leader",
     "departures": "a true crossing of a border by the outer edge of a front wheel",
     "runs": "a run",
 }

@@ -8,10 +8,12 @@ import numpy as np
 import pandas as pd
 
 from camera_synth.render import Pose
+from plugin import rear_end
 from plugin.configuration import Configuration, configuration_from, versions
 from plugin.ground_truth import curvature_ahead, margins, true_motion
 from plugin.motion import observer, prediction
 from plugin.motion.estimate import MotionEstimate, Trajectory
+from plugin.ranging import Ranging, RangingState
 from plugin.record import Recorder
 from plugin.truth import HORIZONS_S, STEP_S, Scorer
 from plugin.vision import Scene, Sight, Vision, VisionState
@@ -39,10 +41,11 @@ class FleetState(NamedTuple):
     vision: VisionState
     observer: observer.State
     departure: departure.DepartureState
+    ranging: RangingState
 
 
 class DriverAssistance:
-    """Lane-departure warning for the equipped vehicles of a running SUMO simulation.
+    """Lane-departure and rear-end warning for the equipped vehicles of a running SUMO simulation.
 
     Use `attach` in a loop of your own and call `step` after each simulation step; `tables` gives what was
     recorded. Close it, or use it as a context: the last seconds are scored and written then.
@@ -78,10 +81,14 @@ class DriverAssistance:
         self._observing = observer.schedule(configuration.vehicle, self._preview_m, configuration.observing)
         self._predicting = prediction.predictor(configuration.vehicle, configuration.predicting)
         self._warning = departure.numbers(configuration.departure)
+        self._ranging = Ranging(configuration, seed, self._roads)
+        self._tracked = self._ranging.no_tracks()
         self._state = self._fresh(np.zeros(0, np.int64))
         self.recorder = Recorder(run_id, out, formats)
+        self._rear_end = rear_end.RearEndScorer(self.recorder, traffic, self._roads, configuration)
         self._names: dict[int, str] = {}
         labels = {"lane_id": traffic.lane_ids, "tlc_side": ("left", "right"), "ldw_state": departure.CODES}
+        labels |= rear_end.LABELS
         self._scorer = Scorer(self.recorder, self._names, labels, configuration.matching)
         self._steps = 0
         self._seed = seed
@@ -150,12 +157,14 @@ class DriverAssistance:
             self._drive(snapshot, truth)
         if self._steps % SETTLE_EVERY_STEPS == 0:
             self._scorer.settle(self._traffic.time_s)
+            self._rear_end.settle(self._traffic.time_s)
 
     def close(self) -> None:
         """Score and write what is left; safe to call twice. The simulation goes on."""
         if not self._closed:
             self._closed = True
             self._scorer.settle(np.inf, final=True)
+            self._rear_end.settle(np.inf, final=True)
             self.recorder.append("runs", self._run_row())
             self.recorder.close()
             self._vision.close()
@@ -173,6 +182,8 @@ class DriverAssistance:
             "distance_km": self._scorer.distance_m / 1000.0,
             "departures": self._scorer.departures,
             "warnings": self._scorer.warnings,
+            "conflicts": self._rear_end.conflicts,
+            "collision_warnings": self._rear_end.warnings,
         }
         return {name: [value] for name, value in row.items()}
 
@@ -191,7 +202,11 @@ class DriverAssistance:
         n = len(handle)
         names = [self._names[int(h)] for h in handle] if n else []
         return FleetState(
-            handle, self._vision.init(names), observer.init(n, self._observing), departure.init(n)
+            handle,
+            self._vision.init(names),
+            observer.init(n, self._observing),
+            departure.init(n),
+            self._ranging.init(names),
         )
 
     def _follow_fleet(self, handle: Array) -> None:
@@ -202,6 +217,9 @@ class DriverAssistance:
         arrived = handle[~np.isin(handle, have, assume_unique=True)]
         merged = join(select(self._state, kept), self._fresh(arrived))
         self._state = select(merged, np.argsort(merged.handle))
+        before = {one: row for row, one in enumerate(have.tolist())}
+        rows = np.array([before.get(one, -1) for one in handle.tolist()], np.int64)
+        self._tracked = self._ranging.reindex(self._tracked, rows)
 
     def _drive(self, snapshot: Snapshot, truth: EgoTruth) -> None:
         configuration, state = self.configuration, self._state
@@ -222,11 +240,15 @@ class DriverAssistance:
         warning_state, warning = departure.step(
             state.departure, crossings["predicted"], motion, speed, truth.signal, self._warning
         )
-        self._state = FleetState(truth.handle, vision, observing, warning_state)
+        ranging, self._tracked, echo = self._ranging.step(
+            state.ranging, self._tracked, truth, snapshot, motion
+        )
+        self._state = FleetState(truth.handle, vision, observing, warning_state, ranging)
         columns = self._columns(truth, snapshot, ahead, sight, motion, spans)
         columns |= self._warning_columns(crossings, floor, warning)
         columns |= {name: self._points(path) for name, path in paths.items()}
         columns["true_state"] = self._points(actual_path)
+        columns |= self._rear_end.add(snapshot, truth, echo)
         self._scorer.add(columns)
 
     def _foresee(

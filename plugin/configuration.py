@@ -14,14 +14,20 @@ from pydantic import Field
 
 from camera_synth.camera import Camera
 from camera_synth.condition import PRESETS, Condition, preset_settings
+from plugin.conflicts import ConflictSettings
 from plugin.events import Matching
 from plugin.lane.genetic import GeneticSearch
 from plugin.lane.geometry import Plausibility
 from plugin.lane.refine import Refine
 from plugin.motion.observer import ObserverSettings
 from plugin.motion.prediction import PredictionSettings
+from plugin.record import Recording
+from plugin.tracking.tracker import TrackerSettings
+from plugin.warning.collision import Collision
 from plugin.warning.departure import DepartureSettings
+from radar_synth.radar import Radar
 from sumo_net.driver import Driver
+from sumo_net.roadside import Roadside
 from sumo_net.scenario import Scenario, scenario_mapping
 from sumo_net.settings import SettingsError, read, settings
 from sumo_net.vehicle import Vehicle
@@ -46,6 +52,14 @@ class Configuration(Scenario):
     observer: ObserverSettings = Field(default_factory=ObserverSettings)
     prediction: PredictionSettings = Field(default_factory=PredictionSettings)
     departure: DepartureSettings = Field(default_factory=DepartureSettings)
+    radar: Radar = Field(default_factory=Radar)
+    roadside: Roadside = Field(default_factory=Roadside, description="what stands beside the road")
+    tracker: TrackerSettings = Field(default_factory=TrackerSettings, description="of the radar")
+    collision: Collision = Field(default_factory=Collision, description="the rear-end warning")
+    conflicts: ConflictSettings = Field(
+        default_factory=ConflictSettings, description="which rear-end conflicts count, and their warnings"
+    )
+    recording: Recording = Field(default_factory=Recording)
     matching: Matching = Field(default_factory=Matching, description="of warnings with true crossings")
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from plugin import conflict_kernels as kernels
-from plugin.schema import Column
+from plugin.schema import TABLES, Column
 from sumo_net.ego import EgoTruth
 from sumo_net.lane_chain import lanes_ahead
 from sumo_net.lane_graph import LaneGraph
@@ -25,22 +25,6 @@ Array = np.ndarray[Any, Any]
 LEVELS = ("", "reminder", "danger")
 REMINDER, DANGER = 1, 2
 NOBODY = -1
-
-COLUMNS: tuple[Column, ...] = (
-    Column("run_id", "the run: scenario and seed", "text"),
-    Column("vehicle_id", "SUMO's id of the equipped vehicle", "text"),
-    Column("target_id", "SUMO's id of its leader", "text"),
-    Column("start_s", "first step with a true time to collision under 3 s", decimals=2),
-    Column("end_s", "last one", decimals=2),
-    Column("min_ttc_s", "least true time to collision", decimals=3),
-    Column("min_gap_m", "least true gap, bumper to bumper", decimals=3),
-    Column(
-        "critical_s", "when the true time to collision fell under 2 s; empty where it did not", decimals=2
-    ),
-    Column("visible_s", "so long had the leader been in path and in the radar's view by then", decimals=2),
-    Column("warned", "a warning of either level was on by then (or by the least TTC)", "bool"),
-    Column("lead_time_s", "from the warning's start to then; negative for a late one", decimals=3),
-)
 
 
 @settings
@@ -322,7 +306,7 @@ def in_view(objects: Objects, share: Array, target: Array, least_share: float = 
 
 
 def table_columns(
-    rows: list[dict[str, Any]], name: Callable[[int], str], schema: Iterable[Column] = COLUMNS
+    rows: list[dict[str, Any]], name: Callable[[int], str], schema: Iterable[Column] = TABLES["conflicts"]
 ) -> Mapping[str, Any]:
     """Rows of `ConflictBook.settle` as columns for the recorder, by start and vehicle; `name` gives ids."""
     rows = sorted(rows, key=lambda row: (row["start_s"], name(row["handle"])))

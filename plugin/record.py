@@ -11,8 +11,21 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
+from pydantic import Field
 
 from plugin.schema import TABLES, Column
+from sumo_net.settings import settings
+
+
+@settings
+class Recording:
+    """Which rows of the largest table are written."""
+
+    tracks: bool = Field(True, description="write the table `tracks`")
+    roadside_every: int = Field(
+        10, ge=1, description="tracks of roadside objects and clutter only every so many scans of the run"
+    )
+
 
 FORMATS = ("csv", "parquet")
 _ARROW = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": pa.string()}

@@ -185,6 +185,9 @@ class Scorer:
         for name in ("recognised", "paper_recognised"):
             if name in columns:
                 columns[name] = pa.array(columns[name] == 1, mask=columns[name] < 0)
+        for name in ("fcw_track_id",):
+            if name in columns:
+                columns[name] = pa.array(columns[name], mask=columns[name] < 0)
         self._recorder.append("steps", columns)
 
     def _write_predictions(self, rows: dict[str, Array], follows: Array, new: Array) -> None:

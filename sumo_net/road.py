@@ -56,6 +56,7 @@ class RoadNetwork:
         built: BuiltNetwork | None = None,
     ) -> None:
         self.graph = graph
+        self.shoulder_right_m, self.shoulder_left_m = shoulder_right_m, shoulder_left_m
         self._markings = Markings(graph, shoulder_right_m, shoulder_left_m)
         self._store = RoadStore()
         self._errors: list[float] = []

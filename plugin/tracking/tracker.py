@@ -30,7 +30,7 @@ class TrackerSettings:
     filters: FilterSettings = Field(default_factory=FilterSettings)
     classes: ClassSettings = Field(default_factory=ClassSettings)
     gate: float = Field(
-        16.0, gt=0, description="Mahalanobis distance squared; 16 keeps 99.9 % of 3 components"
+        25.0, gt=0, description="Mahalanobis distance squared; 16 keeps 99.9 % of 3 components, 25 turns too"
     )
     label_gate: float = Field(
         400.0, gt=0, description="the same where the target is given: beyond it the target has jumped"

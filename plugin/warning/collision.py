@@ -89,6 +89,12 @@ class Collision:
     near_angle_rad: float = Field(
         math.radians(15.0), gt=0, lt=1.4, description="… and further on within this angle of the axis, 15°"
     )
+    disagreement_mps2: float = Field(
+        3.0,
+        gt=0,
+        description="a lane whose curvature asks for a lateral acceleration this far from the one driven is "
+        "taken for lost",
+    )
     road_reach_m: float = Field(60.0, gt=0, description="the lane's curvature changes on up to there")
     least_speed_mps: float = Field(2.8, ge=0, description="active from 10 km/h")
     speed_hysteresis_mps: float = Field(1.4, ge=0, description="and until this much below it")
@@ -216,6 +222,7 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
             o.near_half_m,
             o.road_reach_m,
             3.0,
+            o.disagreement_mps2,
         ),
         CollisionNumbers(
             safe_distance.numbers(o.distance),

@@ -30,6 +30,7 @@ class PathNumbers(NamedTuple):
     body: float  # m, half of the own body's width
     road_reach: float  # m
     least_speed: float  # m/s, below it steering says nothing
+    disagreement: float  # m/s²
 
 
 class CollisionNumbers(NamedTuple):
@@ -92,6 +93,9 @@ def in_path(tracks, motion, speed, yaw_rate, p, was, now, inside, offset):  # ty
             + motion.curvature_rate_1pm2[i]
             + motion.lane_width_m[i]
         )
+        bend = yaw_rate[i] / speed[i] if speed[i] >= p.least_speed else 0.0
+        if speed[i] >= p.least_speed:
+            seen = seen and abs(motion.curvature_1pm[i] - bend) * speed[i] ** 2 <= p.disagreement
         if seen:
             half = 0.5 * motion.lane_width_m[i]
             d = road_offset(
@@ -100,7 +104,6 @@ def in_path(tracks, motion, speed, yaw_rate, p, was, now, inside, offset):  # ty
             )  # fmt: skip
         else:
             half = p.half_lane
-            bend = yaw_rate[i] / speed[i] if speed[i] >= p.least_speed else 0.0
             d = road_offset(x, y, 0.0, 0.0, bend, 0.0, p.road_reach)
         offset[t] = d
         known = False

@@ -134,6 +134,16 @@ def test_path_is_the_steered_circle_while_the_lane_is_lost() -> None:
     assert not path.inside[0]  # further than that the guess is not good for
 
 
+def test_a_lane_that_bends_quite_unlike_the_steering_counts_as_lost() -> None:
+    """A guard rail post beside a straight road got into the path of a lane seen with R 110 m."""
+    post = {"x_m": 55.0, "y_m": 8.0, "vx_mps": 0.0, "standing": 1}
+    _, path = Driver().step(post, curvature_1pm=0.009, curvature_rate_1pm2=-1e-4)
+    assert abs(path.offset_m[0]) > 7.0
+    assert not path.inside[0]
+    _, path = Driver().step(post, curvature_1pm=0.003, yaw_rate=0.003 * V)
+    assert abs(path.offset_m[0]) < 4.0  # where the steering agrees the lane is believed
+
+
 def test_hysteresis_keeps_a_target_at_the_border() -> None:
     driver = Driver()
     inside = [driver.step({"x_m": 40.0, "y_m": y})[1].inside[0] for y in (1.8, 1.4, 1.8, 1.95, 2.2, 1.8)]

@@ -11,7 +11,6 @@ import pytest
 import sumo
 
 from plugin.conflicts import (
-    COLUMNS,
     ConflictBook,
     LaneOrder,
     Leaders,
@@ -21,6 +20,7 @@ from plugin.conflicts import (
     table_columns,
 )
 from plugin.record import Recorder
+from plugin.schema import TABLES
 from tests.roads import objects_at
 
 BIN = Path(sumo.SUMO_HOME) / "bin"
@@ -202,7 +202,7 @@ def test_short_pause_does_not_split_a_conflict_and_hidden_leaders_are_told() -> 
 
 def test_rows_fit_the_table() -> None:
     conflicts, _ = play(closing_in(), 5.0, np.zeros(150, int))
-    recorder = Recorder("run", tables={"conflicts": COLUMNS})
+    recorder = Recorder("run", tables={"conflicts": TABLES["conflicts"]})
     recorder.append("conflicts", table_columns(conflicts, lambda handle: f"car {handle}"))
     table = recorder.table("conflicts")
     assert table["vehicle_id"].tolist() == ["car 4"]

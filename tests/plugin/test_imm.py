@@ -9,7 +9,7 @@ from scipy.special import expit
 from scipy.stats import multivariate_normal
 
 from plugin.tracking import imm, kalman
-from plugin.tracking.models import POLAR_H, PolarMotion, RadarNoise, polar_models
+from plugin.tracking.models import POLAR_H, PUBLISHED_MOTION, RadarNoise, polar_models
 
 R = RadarNoise().covariance
 MARKOV = np.array([[0.98, 0.02], [0.02, 0.98]])
@@ -35,7 +35,7 @@ def test_equals_filterpy(kinds: tuple[str, ...]) -> None:
     if r == 3:
         markov[0] = [0.9, 0.07, 0.03]  # not symmetric: a transposed Π shows
     z = manoeuvre(np.random.default_rng(1), tracks=3, steps=100)
-    F, Q = polar_models(kinds, PolarMotion()).transition(np.array([0.1]))
+    F, Q = polar_models(kinds, PUBLISHED_MOTION).transition(np.array([0.1]))
     Q = Q.copy()
     Q[:, -1] *= 4.0
     x, P = start(z[0])
@@ -65,7 +65,7 @@ def test_equals_filterpy(kinds: tuple[str, ...]) -> None:
 
 def test_identical_models_are_one_filter() -> None:
     z = manoeuvre(np.random.default_rng(2), tracks=4, steps=60)
-    F, Q = polar_models(("ca", "ca", "ca"), PolarMotion()).transition(np.array([0.1]))
+    F, Q = polar_models(("ca", "ca", "ca"), PUBLISHED_MOTION).transition(np.array([0.1]))
     markov = np.array([[0.7, 0.2, 0.1], [0.3, 0.3, 0.4], [0.05, 0.05, 0.9]])
     x, P = start(z[0])
     state, one = imm.init(x, P, np.array([0.2, 0.5, 0.3])), kalman.Gaussian(x, P)
@@ -79,7 +79,7 @@ def test_identical_models_are_one_filter() -> None:
 
 
 def test_without_a_measurement_only_the_markov_step_changes_the_probabilities() -> None:
-    F, Q = polar_models(("cv", "ca"), PolarMotion()).transition(np.array([0.1]))
+    F, Q = polar_models(("cv", "ca"), PUBLISHED_MOTION).transition(np.array([0.1]))
     markov = np.array([[0.9, 0.1], [0.3, 0.7]])
     x, P = start(np.array([[50.0, -1.0, 0.0]]))
     state = imm.init(x, P, np.array([0.8, 0.2]))
@@ -91,7 +91,7 @@ def test_without_a_measurement_only_the_markov_step_changes_the_probabilities() 
 
 def test_likelihoods_that_underflow_still_give_probabilities() -> None:
     """A measurement 10,000 m off: exp of every likelihood is 0, yet their ratio is kept."""
-    F, Q = polar_models(("cv", "ca"), PolarMotion()).transition(np.array([0.1]))
+    F, Q = polar_models(("cv", "ca"), PUBLISHED_MOTION).transition(np.array([0.1]))
     x, P = start(np.array([[50.0, -1.0, 0.0]]))
     prior = imm.predict(imm.init(x, P, np.array([0.5, 0.5])), F, Q, MARKOV[None])
     z = np.array([1e4, -1.0, 0.0])
@@ -106,7 +106,7 @@ def test_likelihoods_that_underflow_still_give_probabilities() -> None:
 
 
 def test_a_mode_at_probability_zero_is_revived_by_the_markov_step() -> None:
-    F, Q = polar_models(("cv", "ca"), PolarMotion()).transition(np.array([0.1]))
+    F, Q = polar_models(("cv", "ca"), PUBLISHED_MOTION).transition(np.array([0.1]))
     x, P = start(np.array([[50.0, -1.0, 0.0]]))
     state = imm.predict(imm.init(x, P, np.array([1.0, 0.0])), F, Q, MARKOV[None])
     np.testing.assert_allclose(state.mu[0], [0.98, 0.02])
@@ -116,7 +116,7 @@ def test_a_mode_at_probability_zero_is_revived_by_the_markov_step() -> None:
 
 
 def test_a_broken_covariance_is_flagged() -> None:
-    F, Q = polar_models(("cv", "ca"), PolarMotion()).transition(np.array([0.1]))
+    F, Q = polar_models(("cv", "ca"), PUBLISHED_MOTION).transition(np.array([0.1]))
     x, P = start(np.array([[50.0, -1.0, 0.0], [50.0, -1.0, 0.0]]))
     P[1] *= -1e6
     state = imm.predict(imm.init(x, P, np.array([0.5, 0.5])), F, Q, MARKOV[None])
@@ -127,7 +127,7 @@ def test_a_broken_covariance_is_flagged() -> None:
 
 def test_order_and_size_of_the_batch_change_nothing() -> None:
     z = manoeuvre(np.random.default_rng(4), tracks=6, steps=20)
-    F, Q = polar_models(("cv", "ca"), PolarMotion()).transition(np.array([0.1]))
+    F, Q = polar_models(("cv", "ca"), PUBLISHED_MOTION).transition(np.array([0.1]))
     order = np.array([4, 2, 5])
     results = []
     for rows in (np.arange(6), order):
@@ -150,7 +150,7 @@ def test_a_matrix_that_is_not_stochastic_is_refused(markov: list[list[float]]) -
 @settings(max_examples=20, deadline=None)
 def test_covariances_stay_symmetric_and_non_negative(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    models = polar_models(("cv", "ca"), PolarMotion())
+    models = polar_models(("cv", "ca"), PUBLISHED_MOTION)
     z = manoeuvre(rng, tracks=2, steps=15)
     state = imm.init(*start(z[0]), np.array([0.5, 0.5]))
     for k in range(1, len(z)):

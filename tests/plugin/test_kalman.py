@@ -14,8 +14,8 @@ from plugin.tracking import kalman
 from plugin.tracking.models import (
     POLAR_ANGLE,
     POLAR_H,
+    PUBLISHED_MOTION,
     GroundMotion,
-    PolarMotion,
     RadarNoise,
     ground_model,
     markov_powers,
@@ -32,7 +32,7 @@ def random_covariance(rng: np.random.Generator, tracks: int, n: int = 6) -> np.n
 
 @pytest.mark.parametrize("kind", ["cv", "ca"])
 def test_noise_at_the_stated_step_is_filterpys(kind: str) -> None:
-    F, Q = polar_models((kind,), PolarMotion()).transition(np.array([0.1]))
+    F, Q = polar_models((kind,), PUBLISHED_MOTION).transition(np.array([0.1]))
     dim = 2 if kind == "cv" else 3
     np.testing.assert_allclose(Q[0, 0, :dim, :dim], Q_discrete_white_noise(dim, 0.1, 0.3**2), rtol=1e-12)
     angular = Q_discrete_white_noise(dim, 0.1, math.radians(0.3) ** 2)
@@ -47,7 +47,7 @@ def test_noise_at_the_stated_step_is_filterpys(kind: str) -> None:
 
 def test_noise_grows_alike_in_small_and_in_large_steps() -> None:
     """2 s in steps of 0.02 s or of 0.1 s: as uncertain in the driven state, nearly so in the others."""
-    for models in (polar_models(("cv", "ca"), PolarMotion()), ground_model(GroundMotion())):
+    for models in (polar_models(("cv", "ca"), PUBLISHED_MOTION), ground_model(GroundMotion())):
         F, Q = models.transition(np.array([0.02, 0.1]))
         for j, name in enumerate(models.names):
             P = np.zeros((2, 6, 6))
@@ -70,7 +70,7 @@ def test_markov_powers_compose() -> None:
 def test_equals_filterpy_with_irregular_steps_and_missing_measurements() -> None:
     rng = np.random.default_rng(3)
     tracks, steps = 5, 40
-    models = polar_models(("ca",), PolarMotion())
+    models = polar_models(("ca",), PUBLISHED_MOTION)
     x, P = rng.standard_normal((tracks, 6)), random_covariance(rng, tracks)
     ours = kalman.Gaussian(x, P)
     theirs = []
@@ -117,7 +117,7 @@ def test_indefinite_covariance_is_told_and_changes_nothing() -> None:
 @settings(max_examples=25, deadline=None)
 def test_covariance_stays_symmetric_and_non_negative(seed: int, dt: float, seen: bool) -> None:
     rng = np.random.default_rng(seed)
-    F, Q = polar_models(("cv", "ca"), PolarMotion()).transition(np.array([dt]))
+    F, Q = polar_models(("cv", "ca"), PUBLISHED_MOTION).transition(np.array([dt]))
     state = kalman.Gaussian(rng.standard_normal((1, 6)), random_covariance(rng, 1))
     for j in (0, 1, 0):
         state = kalman.predict(state, F[:, j], Q[:, j])
@@ -131,7 +131,9 @@ def test_nees_of_the_matched_filter_is_inside_the_95_percent_bounds(kind: str, s
     """400 runs: the mean normalised error squared at the end of the run, and how often over it."""
     rng = np.random.default_rng(20)
     runs, steps = 400, 150
-    F, Q = (matrices[0, 0] for matrices in polar_models((kind,), PolarMotion()).transition(np.array([0.1])))
+    F, Q = (
+        matrices[0, 0] for matrices in polar_models((kind,), PUBLISHED_MOTION).transition(np.array([0.1]))
+    )
     gamma = np.linalg.cholesky(Q[np.ix_([0, 3], [0, 3])])  # one source of noise an axis
     columns = np.zeros((6, 2))
     columns[:3, 0], columns[3:, 1] = Q[:3, 0] / gamma[0, 0], Q[3:, 3] / gamma[1, 1]

@@ -1,0 +1,77 @@
+"""Figures of the radar and the rear-end warning from tables: conflicts, warnings, tracks against truth."""
+
+import numpy as np
+import pandas as pd
+
+from analysis.statistics import mean, per_100_km, poisson_interval, quantile
+
+NEAR_TTC_S = 3.0  # errors of the time to collision count below this
+VISIBLE_S = 1.0  # a warning is due of a leader that has been in path and in view for so long
+SETTLED_CYCLES = 3  # a class is due after so many
+
+
+def rear_end_figures(
+    steps: pd.DataFrame, tracks: pd.DataFrame, conflicts: pd.DataFrame, warnings: pd.DataFrame, km: float
+) -> dict[str, float]:
+    """All figures of the radar chain, of one or more runs, under one name each."""
+    return {**conflict_counts(conflicts, warnings, km), **ttc_errors(steps), **track_accuracy(tracks)}
+
+
+def conflict_counts(conflicts: pd.DataFrame, warnings: pd.DataFrame, km: float) -> dict[str, float]:
+    """Conflicts and how many were warned in time; warnings of both levels by outcome.
+
+    Due is a warning of a conflict with a true time to collision under 2 s, whose leader had been in path and
+    in view for a second by then.
+    """
+    due = conflicts[conflicts["critical_s"].notna() & (conflicts["visible_s"] >= VISIBLE_S)]
+    figures: dict[str, float] = {
+        "conflicts": len(conflicts),
+        "conflicts_critical": int(conflicts["critical_s"].notna().sum()),
+        "conflicts_due": len(due),
+        "conflicts_due_warned": int(due["warned"].sum()),
+        "conflicts_due_warned_rate": mean(due["warned"]),
+        "conflict_median_lead_time_s": float(due["lead_time_s"].median()),
+        "conflicts_per_100km": per_100_km(len(conflicts), km),
+    }
+    fcw = warnings[warnings["kind"] == "fcw"]
+    for level in ("reminder", "danger"):
+        outcome = fcw.loc[fcw["level"] == level, "outcome"]
+        figures[f"fcw_{level}"] = len(outcome)
+        for name in ("true", "nuisance", "false"):
+            figures[f"fcw_{level}_{name}"] = int((outcome == name).sum())
+        false = int(figures[f"fcw_{level}_false"])
+        low, high = poisson_interval(false)
+        figures[f"fcw_{level}_false_per_100km"] = per_100_km(false, km)
+        figures[f"fcw_{level}_false_per_100km_low"] = per_100_km(low, km)
+        figures[f"fcw_{level}_false_per_100km_high"] = per_100_km(high, km)
+    return figures
+
+
+def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
+    """|error| of the time to collision where the true one is under 3 s, and how often there was no target."""
+    near = steps[steps["true_ttc_s"] < NEAR_TTC_S]
+    held = near[near["fcw_track_id"].notna()]
+    # a gap that seems to open has a time to collision of unknown size: its error counts as infinite
+    error = (held["fcw_ttc_s"].fillna(np.inf) - held["true_ttc_s"]).abs()
+    return {
+        "ttc_steps": len(near),
+        "ttc_error_median_s": quantile(error, 0.5),
+        "ttc_error_p95_s": quantile(error, 0.95),
+        "ttc_no_target_rate": mean(near["fcw_track_id"].isna()),
+    }
+
+
+def track_accuracy(tracks: pd.DataFrame) -> dict[str, float]:
+    """Share of right classes after the third cycle, all and by true class, and errors of the estimates."""
+    cycle = tracks.groupby(["run_id", "vehicle_id", "track_id"], observed=True, sort=False).cumcount()
+    judged = tracks[(cycle >= SETTLED_CYCLES) & tracks["true_motion_state"].notna()]
+    right = judged["motion_state"] == judged["true_motion_state"]
+    figures: dict[str, float] = {"track_steps": len(tracks), "class_accuracy": mean(right)}
+    for name, part in right.groupby(judged["true_motion_state"], observed=True):
+        figures[f"class_accuracy_{name}"] = mean(part)
+    for name in ("range_m", "range_rate_mps", "azimuth_rad", "vx_mps"):
+        error = tracks[name] - tracks[f"true_{name}"]
+        figures[f"track_{name.rsplit('_', 1)[0]}_rmse_{name.rsplit('_', 1)[1]}"] = float(
+            np.sqrt(np.square(error).mean())
+        )
+    return figures

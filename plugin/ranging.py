@@ -1,0 +1,126 @@
+"""The radar chain of a fleet: what each vehicle's radar reports, its tracks, and the rear-end warning."""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from plugin.configuration import Configuration
+from plugin.motion.estimate import MotionEstimate
+from plugin.tracking.detections import Detections, EgoMotion
+from plugin.tracking.tracker import Tracker, TrackerSettings, TrackerState, TrackList
+from plugin.warning import collision
+from plugin.warning.collision import Collision, CollisionState, CollisionWarning, InPath
+from radar_synth.radar import OwnMotion, ScanTruth, Sightings, flatten, scan
+from radar_synth.visibility import objects_in_view
+from sumo_net.ego import EgoTruth
+from sumo_net.randomness import stream_key
+from sumo_net.road import RoadNetwork
+from sumo_net.roadside import place
+from sumo_net.snapshot import Snapshot
+from sumo_net.surroundings import Objects
+
+Array = np.ndarray[Any, Any]
+
+STEP_S = 0.1
+
+
+class RangingState(NamedTuple):
+    """What n vehicles' radars and warnings carry from scan to scan, (n, …) each."""
+
+    radar_key: Array  # uint64
+    scan: Array  # int64, number of the scan
+    collision: CollisionState
+
+
+class Echo(NamedTuple):
+    """What came of one scan of n vehicles."""
+
+    tracks: TrackList  # T tracks of the fleet, x and y from the centre of gravity
+    in_path: InPath  # (T,)
+    warning: CollisionWarning  # (n,)
+    objects: Objects  # truth from here on: bodies that reach into the field of view, (n, M)
+    seen: Sightings  # (n, M)
+    behind: ScanTruth  # (n, D)
+    place: tuple[Array, Array]  # row and column in `behind` of each detection that the tracks were given
+
+
+class Ranging:
+    """The radar chain with its settings; `step` once per 0.1 s."""
+
+    def __init__(self, configuration: Configuration, seed: int, roads: RoadNetwork) -> None:
+        self._seed = seed
+        self._radar = configuration.radar
+        self._tracker = Tracker(mounted(configuration.tracker, configuration.radar.mount_forward_m))
+        self._collision = at_bumper(configuration.collision, configuration.vehicle.bumper_m)
+        self._roadside = place(
+            configuration.roadside, roads.graph, roads.shoulder_right_m, roads.shoulder_left_m
+        )
+
+    def init(self, vehicle_ids: list[str]) -> RangingState:
+        """State of vehicles before their first scan."""
+        keys = [stream_key(self._seed, name, "radar") for name in vehicle_ids]
+        n = len(keys)
+        return RangingState(np.array(keys, np.uint64), np.zeros(n, np.int64), collision.init(n))
+
+    def no_tracks(self) -> TrackerState:
+        """The tracker of an empty fleet."""
+        return self._tracker.init(0)
+
+    def reindex(self, tracked: TrackerState, rows: Array) -> TrackerState:
+        """Tracks for a changed fleet: its vehicle i is the old row rows[i], or a new one where that is -1."""
+        return self._tracker.reindex(tracked, rows)
+
+    def step(
+        self,
+        state: RangingState,
+        tracked: TrackerState,
+        truth: EgoTruth,
+        snapshot: Snapshot,
+        motion: MotionEstimate,
+    ) -> tuple[RangingState, TrackerState, Echo]:
+        """Scan, track and warn, for n > 0 vehicles; `motion` is what the camera chain says."""
+        objects = objects_in_view(self._radar, truth, snapshot, self._roadside)
+        own = OwnMotion(truth.speed_mps, truth.lateral_speed_mps, truth.yaw_rate_rps)
+        reported, behind, seen = scan(self._radar, objects, own, state.radar_key, state.scan)
+        flat = flatten(reported)
+        detections = Detections(
+            flat.owner,
+            flat.range_m,
+            flat.range_rate_mps,
+            flat.azimuth_rad,
+            np.full(len(flat.owner), -1, np.int64),
+        )
+        # the vehicle's own sensors give all but v_y, which the camera's observer knows
+        ego = EgoMotion(
+            truth.speed_mps,
+            truth.acceleration_mps2,
+            truth.yaw_rate_rps,
+            np.nan_to_num(motion.lateral_speed_mps),
+        )
+        tracked, tracks = self._tracker.step(tracked, detections, ego, STEP_S)
+        targets = collision.targets_from(tracks, tracked.tracks.unseen_s)
+        warned, warning, in_path = collision.step(
+            state.collision,
+            targets,
+            motion,
+            truth.speed_mps,
+            truth.acceleration_mps2,
+            truth.yaw_rate_rps,
+            self._collision,
+        )
+        after = RangingState(state.radar_key, state.scan + 1, warned)
+        place = flat.owner, flat.column
+        return after, tracked, Echo(tracks, in_path, warning, objects, seen, behind, place)
+
+
+def mounted(tracker: TrackerSettings, forward_m: float) -> TrackerSettings:
+    """The tracker of a radar that sits `forward_m` ahead of the centre of gravity."""
+    return dataclasses.replace(
+        tracker, filters=dataclasses.replace(tracker.filters, mount_forward_m=forward_m)
+    )
+
+
+def at_bumper(options: Collision, bumper_m: float) -> Collision:
+    """The warning of a vehicle whose front bumper is `bumper_m` ahead of its centre of gravity."""
+    return dataclasses.replace(options, bumper_m=bumper_m)

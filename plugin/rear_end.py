@@ -1,0 +1,87 @@
+"""Rear-end warnings and radar tracks against truth."""
+
+from typing import Any
+
+import numpy as np
+
+from plugin.configuration import Configuration
+from plugin.conflicts import ConflictBook, LaneOrder, in_view, path_leaders, table_columns
+from plugin.ranging import Echo
+from plugin.record import Recorder
+from plugin.schema import TABLES
+from plugin.track_truth import TrackTruth
+from plugin.warning.collision import BUZZER, CODES
+from sumo_net.ego import EgoTruth
+from sumo_net.road import RoadNetwork
+from sumo_net.snapshot import Snapshot
+from sumo_net.traffic import Traffic
+
+Array = np.ndarray[Any, Any]
+
+LABELS = {"fcw_state": CODES, "fcw_buzzer": BUZZER}
+
+
+class RearEndScorer:
+    """Scores what the radar chain made of each step and hands the rows to the recorder."""
+
+    def __init__(
+        self, recorder: Recorder, traffic: Traffic, roads: RoadNetwork, configuration: Configuration
+    ) -> None:
+        self._recorder, self._traffic, self._roads = recorder, traffic, roads
+        self._bumper_m = configuration.vehicle.bumper_m
+        self._overlap_m = configuration.conflicts.overlap_m
+        self._reach_m = configuration.conflicts.reach_m
+        self._order = LaneOrder(roads.graph, traffic.lane_ids, traffic.route_ahead)
+        self._book = ConflictBook(configuration.conflicts)
+        self._tracks = TrackTruth(configuration.tracker.classes, traffic.vehicle_id)
+        self._pending: list[dict[str, Array]] = []  # rows of `tracks`
+        self._recording = configuration.recording
+        self._scans = 0
+        self.conflicts = 0
+        self.warnings = 0  # of the reminder level
+
+    def add(self, snapshot: Snapshot, truth: EgoTruth, echo: Echo) -> dict[str, Array]:
+        """Take one step of n vehicles; its columns of the table `steps`, with codes for LABELS."""
+        time, warning = self._traffic.time_s, echo.warning
+        leader = self._order.leaders(snapshot, truth.handle, self._reach_m)
+        by_place = path_leaders(truth, echo.objects, self._roads.table, self._bumper_m, self._overlap_m)
+        visible = in_view(echo.objects, echo.seen.share, leader.handle)
+        self._book.add(
+            time, truth.handle, leader, by_place, visible, truth.speed_mps, warning.level, warning.ttc_s
+        )
+        tracks = self._tracks.step(truth, echo)
+        if self._recording.tracks:
+            kept = slice(None) if self._scans % self._recording.roadside_every == 0 else tracks["target"] >= 0
+            rows = {name: part[kept] for name, part in tracks.items()}
+            self._pending.append(rows | {"time_s": np.full(len(rows["handle"]), time)})
+        self._scans += 1
+        return {
+            "fcw_state": warning.code,
+            "fcw_track_id": warning.track_id,
+            "fcw_gap_m": warning.gap_m,
+            "fcw_relative_speed_mps": warning.relative_mps,
+            "fcw_ttc_s": warning.ttc_s,
+            "fcw_reminder_m": warning.reminder_m,
+            "fcw_danger_m": warning.danger_m,
+            "fcw_lamp_reminder": warning.lamp_reminder,
+            "fcw_lamp_danger": warning.lamp_danger,
+            "fcw_buzzer": warning.buzzer,
+            "fcw_shown_distance_m": warning.shown_distance_m,
+            "fcw_shown_relative_speed_mps": warning.shown_relative_mps,
+            "true_gap_m": leader.gap_m,
+            "true_ttc_s": leader.ttc_s,
+        }
+
+    def settle(self, until_s: float, final: bool = False) -> None:
+        """Write the tracks so far, and the conflicts and warnings that are decided by `until_s`."""
+        if self._pending:
+            steps, self._pending = self._pending, []
+            columns = {name: np.concatenate([step[name] for step in steps]) for name in steps[0]}
+            self._recorder.append("tracks", self._tracks.texts(columns))
+        conflicts, warnings = self._book.settle(until_s, final)
+        self.conflicts += len(conflicts)
+        self.warnings += sum(row["level"] == "reminder" for row in warnings)
+        for table, rows in (("conflicts", conflicts), ("warnings", warnings)):
+            if rows:
+                events = table_columns(rows, self._traffic.vehicle_id, TABLES[table])
+                self._recorder.append(table, events)
