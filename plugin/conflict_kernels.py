@@ -58,6 +58,8 @@ def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[n
             forward, left = objects.forward_m[i, m], objects.left_m[i, m]
             if objects.handle[i, m] == -1 or forward < 0.0:
                 continue
+            if forward - bumper - 0.5 * objects.length_m[i, m] >= out.gap_m[i]:
+                continue  # no nearer along the path than straight on; NaN of nobody is not greater
             x, y = truth.x_m[i] + cos * forward - sin * left, truth.y_m[i] + sin * forward + cos * left
             s, d = project(table, truth.path[i], x, y, truth.station_m[i] + forward)
             half = 0.5 * objects.width_m[i, m]
