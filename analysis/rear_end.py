@@ -48,11 +48,10 @@ def conflict_counts(conflicts: pd.DataFrame, warnings: pd.DataFrame, km: float) 
 
 
 def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
-    """|error| of the time to collision where the true one is under 3 s, and how often there was no target."""
-    near = steps[steps["true_ttc_s"] < NEAR_TTC_S]
-    held = near[near["fcw_track_id"].notna()]
-    # a gap that seems to open has a time to collision of unknown size: its error counts as infinite
-    error = (held["fcw_ttc_s"].fillna(np.inf) - held["true_ttc_s"]).abs()
+    """|error| of the time to collision where the true one is under 3 s and the leader is there to be seen."""
+    near = steps[(steps["true_ttc_s"] < NEAR_TTC_S) & steps["true_leader_visible"].fillna(False)]
+    # no target, or a gap that seems to open, is an error of unknown size: it counts as infinite
+    error = (near["fcw_ttc_s"].fillna(np.inf) - near["true_ttc_s"]).abs()
     return {
         "ttc_steps": len(near),
         "ttc_error_median_s": quantile(error, 0.5),

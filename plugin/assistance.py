@@ -22,6 +22,8 @@ from plugin.warning.tlc import Crossing, time_to_lane_crossing
 from sumo_net.batch import join, select
 from sumo_net.ego import Ego, EgoTruth
 from sumo_net.equipment import EquipmentChoice
+from sumo_net.incidents import IncidentMaker
+from sumo_net.lane_changes import LaneChanges
 from sumo_net.network import BuiltNetwork
 from sumo_net.road import RoadAhead, RoadNetwork
 from sumo_net.road_kernels import ahead as road_ahead
@@ -72,6 +74,8 @@ class DriverAssistance:
             self._roads = RoadNetwork.from_highway(network)
         else:
             self._roads = RoadNetwork.from_net_file(network or traffic.net_file)
+        self._lane_changes = LaneChanges(self._roads.graph, traffic.lane_ids)
+        self._incidents = IncidentMaker(configuration.incidents, traffic, seed)
         self._ego = Ego(self._roads, traffic, seed, configuration.driver, configuration.vehicle)
         self._choice = EquipmentChoice(configuration.equipment, seed)
         self._equipped = np.zeros(256, np.bool_)  # by handle
@@ -146,7 +150,9 @@ class DriverAssistance:
     def step(self) -> None:
         """Work through the 0.1 s that SUMO has just simulated."""
         snapshot = self._traffic.snapshot()
-        truth = self._ego.step(snapshot, self._find_equipped(snapshot))
+        equipped = self._find_equipped(snapshot)
+        truth = self._ego.step(snapshot, equipped)
+        self._incidents.step(snapshot)
         self._steps += 1
         self._end_s = self._traffic.time_s
         if self._steps == 1:
@@ -154,7 +160,7 @@ class DriverAssistance:
         self._follow_fleet(truth.handle)
         if len(truth.handle):
             self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
-            self._drive(snapshot, truth)
+            self._drive(self._lane_changes.step(snapshot, equipped), truth)
         if self._steps % SETTLE_EVERY_STEPS == 0:
             self._scorer.settle(self._traffic.time_s)
             self._rear_end.settle(self._traffic.time_s)

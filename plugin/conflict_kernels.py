@@ -7,6 +7,8 @@ import numpy as np
 from sumo_net.compile import kernel
 from sumo_net.road_kernels import project
 
+_HALF_BODY_M = 0.9  # of an equipped vehicle
+
 
 @kernel
 def lane_leaders(rows, snapshot, order, first, chain, lanes, ahead, reach, out):  # type: ignore[no-untyped-def]
@@ -48,7 +50,9 @@ def lane_leaders(rows, snapshot, order, first, chain, lanes, ahead, reach, out):
 def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[no-untyped-def]
     """The nearest body ahead that reaches into the lane which contains the vehicle, whatever SUMO's lane is.
 
-    It must reach in by `overlap` m. Gap and closing speed are along the path. Into `out` (Leaders).
+    It must reach in by `overlap` m, or lie straight ahead of the own body within two seconds: a vehicle that
+    leaves its lane drives at what stands beside the road. Gap and closing speed are along the path. Into
+    `out` (Leaders).
     """
     n, M = objects.forward_m.shape
     for i in range(n):
@@ -63,7 +67,8 @@ def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[n
             x, y = truth.x_m[i] + cos * forward - sin * left, truth.y_m[i] + sin * forward + cos * left
             s, d = project(table, truth.path[i], x, y, truth.station_m[i] + forward)
             half = 0.5 * objects.width_m[i, m]
-            if not abs(d - centre) <= 0.5 * truth.lane_width_m[i] + half - overlap:
+            straight = abs(left) <= half + _HALF_BODY_M and forward <= 2.0 * truth.speed_mps[i]
+            if not (straight or abs(d - centre) <= 0.5 * truth.lane_width_m[i] + half - overlap):
                 continue
             gap = s - truth.station_m[i] - bumper - 0.5 * objects.length_m[i, m]
             if gap < out.gap_m[i] or out.handle[i] == -1:

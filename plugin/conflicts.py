@@ -38,6 +38,9 @@ class ConflictSettings:
     after_end_s: float = Field(1.0, ge=0, description="… so long after its end, makes it a true one")
     late_s: float = Field(0.5, ge=0, description="a warning may begin so long after the conflict has ended")
     approach_mps: float = Field(0.5, ge=0, description="a true closing speed that makes a warning a nuisance")
+    approach_window_s: float = Field(
+        0.5, ge=0, description="such a closing speed counts also so long before the warning"
+    )
     close_s: float = Field(1.0, ge=0, description="so does a true time gap under this; otherwise it is false")
     reach_m: float = Field(200.0, gt=0, description="leaders are looked for so far ahead")
     overlap_m: float = Field(0.3, ge=0, description="bodies that reach so far into the lane are in path")
@@ -161,6 +164,7 @@ class ConflictBook:
     _ended: list[CollisionWarning] = field(default_factory=list)
     _archive: list[Conflict | CollisionWarning] = field(default_factory=list)
     _seen: dict[int, tuple[int, float]] = field(default_factory=dict)  # leader and since when in view
+    _approached: dict[int, float] = field(default_factory=dict)  # when somebody was last approached
 
     def add(
         self,
@@ -183,6 +187,8 @@ class ConflictBook:
         with np.errstate(invalid="ignore"):
             near = leader.ttc_s < s.ttc_s
             approach = self._approach(leader, speed_mps) | self._approach(in_path, speed_mps)
+        for one in handle[approach].tolist():
+            self._approached[one] = time_s
         self._follow_views(time_s, handle, leader.handle, visible)
         for i in np.flatnonzero(near).tolist():
             self._conflict(time_s, int(handle[i]), leader, i)
@@ -193,8 +199,9 @@ class ConflictBook:
                 key = int(handle[i]), kind
                 on.add(key)
                 if key not in self._on:
-                    self._on[key] = CollisionWarning(*key, time_s, float(warned_ttc_s[i]), bool(approach[i]))
-                self._on[key].approach |= bool(approach[i])
+                    self._on[key] = CollisionWarning(*key, time_s, float(warned_ttc_s[i]), False)
+                since = time_s - self._approached.get(key[0], -np.inf)
+                self._on[key].approach |= since <= s.approach_window_s + 1e-9
         for key in [key for key in self._on if key not in on]:
             warning = self._on.pop(key)
             warning.end_s = time_s - 0.1
@@ -223,6 +230,7 @@ class ConflictBook:
         finished = {id(e) for e in (*conflicts, *warnings)}
         self._archive = [e for e in (*self._archive, *conflicts, *warnings) if e.start_s > until_s - 120.0]
         self._done = [c for c in self._done if id(c) not in finished]
+        self._approached = {one: time for one, time in self._approached.items() if time > until_s - 60.0}
         self._ended = [w for w in self._ended if id(w) not in finished]
         return rows
 

@@ -70,6 +70,7 @@ class RearEndScorer:
             "fcw_shown_relative_speed_mps": warning.shown_relative_mps,
             "true_gap_m": leader.gap_m,
             "true_ttc_s": leader.ttc_s,
+            "true_leader_visible": visible & (by_place.handle == leader.handle),
         }
 
     def settle(self, until_s: float, final: bool = False) -> None:

@@ -94,6 +94,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("fcw_shown_relative_speed_mps", "on the driver's display", decimals=0),
         Column("true_gap_m", "to the leader on SUMO's lane, bumper to bumper", decimals=3),
         Column("true_ttc_s", "true time to collision with it; empty where the gap opens", decimals=3),
+        _flag("true_leader_visible", "it reaches into the lane driven in and is in the radar's view"),
     ),
     "predictions": (
         _RUN,

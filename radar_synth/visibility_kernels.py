@@ -117,15 +117,18 @@ def _subtract(hidden, count, low, high, open_):  # type: ignore[no-untyped-def]
 
 @kernel
 def _second_point(px, py, x, y, heading, length, further):  # type: ignore[no-untyped-def]
-    """The point `further` along the body from its visible point (px, py), within the body."""
+    """The point `further` from the body's end towards the radar, as far aside as its visible point (px, py).
+
+    It keeps its place on the body, whatever of the body is in view: a truck that is passed slides out of
+    the field of view, its axle does not slide along it.
+    """
     c, s = math.cos(heading), math.sin(heading)
-    along = c * (px - x) + s * (py - y)
-    radar = -(c * x + s * y)
-    # Away from the radar; from the side of the body, towards its longer part.
-    sign = 1.0 if (radar < along - 0.1 or (radar <= along + 0.1 and along < 0.0)) else -1.0
+    across = c * (py - y) - s * (px - x)
     end = max(0.5 * length - 0.5, 0.0)
-    step = min(max(along + sign * further, -end), end) - along
-    return px + c * step, py + s * step
+    along = min(max(further - 0.5 * length, -end), end)
+    if c * x + s * y < 0.0:  # the radar is at the front end
+        along = -along
+    return x + c * along - s * across, y + s * along + c * across
 
 
 @kernel

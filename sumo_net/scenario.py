@@ -15,6 +15,7 @@ from sumo_net.configuration import prepare_configuration
 from sumo_net.demand import Demand, read_net, write_highway_demand, write_network_demand
 from sumo_net.equipment import Equipment
 from sumo_net.highway import Highway
+from sumo_net.incidents import Incidents
 from sumo_net.network import BuildError, BuiltNetwork, build
 from sumo_net.settings import SettingsError, read, read_toml, settings
 
@@ -34,6 +35,9 @@ class Scenario:
     net_file: str = Field("", description="a .net.xml on which `demand` drives")
     highway: Highway = Field(default_factory=Highway, description="built where no file is named")
     demand: Demand = Field(default_factory=Demand)
+    incidents: Incidents = Field(
+        default_factory=Incidents, description="hard brakings and cut-ins in the traffic"
+    )
     equipment: Equipment = Field(default_factory=Equipment)
     time_to_teleport_s: float | None = Field(
         None, description="SUMO takes a jammed vehicle away after this; -1 never; none: as SUMO has it"

@@ -296,6 +296,16 @@ class Traffic:
         with contextlib.suppress(self._refused):
             self._sumo.vehicle.setColor(self._names[handle], (red, green, blue, 255))
 
+    @property
+    def vehicles(self) -> Any:
+        """SUMO's own vehicle interface, for `influence`."""
+        return self._sumo.vehicle
+
+    @property
+    def gone(self) -> tuple[type[Exception], ...]:
+        """What SUMO raises of a vehicle that is not there, or of a request that it refuses."""
+        return (*self._lost, self._refused)
+
     # --- bookkeeping
 
     def _register(self, name: str) -> None:

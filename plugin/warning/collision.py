@@ -65,7 +65,7 @@ class Collision:
 
     distance: SafeDistance = Field(default_factory=SafeDistance, description="model and road surface")
     enter_m: float = Field(0.35, ge=0, description="an object is in path this far inside the lane's borders")
-    leave_m: float = Field(0.25, ge=0, description="and remains until this far outside")
+    leave_m: float = Field(0.05, ge=0, description="and remains until this far outside")
     half_lane_m: float = Field(1.6, gt=0, description="half the path's width while the lane is lost")
     stationary_half_m: float = Field(
         1.0, gt=0, description="the same at any time for what was never seen moving"

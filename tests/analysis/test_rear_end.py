@@ -38,9 +38,10 @@ def test_only_critical_conflicts_with_a_leader_in_view_are_due() -> None:
 def test_ttc_errors_count_below_three_seconds_and_a_gap_that_seems_to_open_as_infinite() -> None:
     steps = pd.DataFrame(
         {
-            "true_ttc_s": [2.0, 2.5, 1.0, 3.5, np.nan, 2.0],
-            "fcw_ttc_s": [2.1, 2.3, np.nan, 9.0, 1.0, np.nan],
-            "fcw_track_id": pd.array([1, 1, 1, 1, 1, None], dtype="Int64"),
+            "true_ttc_s": [2.0, 2.5, 2.0, 1.0, 3.5, np.nan, 2.0],
+            "true_leader_visible": [True, True, True, True, True, True, False],
+            "fcw_ttc_s": [2.1, 2.3, 2.1, np.nan, 9.0, 1.0, np.nan],
+            "fcw_track_id": pd.array([1, 1, 1, None, 1, 1, None], dtype="Int64"),
         }
     )
     f = ttc_errors(steps)

@@ -171,6 +171,12 @@ def test_second_reflection_lies_along_a_long_body() -> None:
     assert np.isnan(sight(Radar(), lorry | {"length_m": 5.0}).second_range_m[0, 0])
     oncoming = sight(Radar(), lorry | {"heading_rad": math.pi, "left_m": 7.0})
     assert oncoming.second_range_m[0, 0] > oncoming.range_m[0, 0] + 6.0
+    places = []  # on the body, while it is passed and its rear slides out of the field of view
+    for forward in np.arange(14.0, 8.0, -0.5):
+        seen = sight(Radar(), lorry | {"forward_m": float(forward), "left_m": -3.8})
+        r, azimuth = seen.second_range_m[0, 0], seen.second_azimuth_rad[0, 0]
+        places.append(1.6 + r * math.cos(azimuth) - forward)
+    assert places == pytest.approx([0.0] * len(places), abs=1e-9)
     partly = sight(Radar(), lorry, {"forward_m": 38.0, "left_m": 0.0, "width_m": 1.0, "length_m": 2.0})
     assert np.isfinite(partly.range_m[0, 0])  # the lorry's edges show
     assert np.isnan(partly.second_range_m[0, 0]) or abs(partly.second_azimuth_rad[0, 0]) > 0.5 / 35.4

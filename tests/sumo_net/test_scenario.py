@@ -83,7 +83,7 @@ def contents(folder: Path) -> dict[str, str]:
 
 def test_the_default_scenario_comes_first_and_all_have_titles() -> None:
     listed = list_scenarios()
-    assert [name for name, _ in listed] == ["highway", "curves", "dense", "straight"]
+    assert [name for name, _ in listed] == ["highway", "conflicts", "curves", "dense", "straight"]
     assert all(title for _, title in listed)
 
 
@@ -259,7 +259,7 @@ def test_a_bad_toml(text: str, words: str, tmp_path: Path) -> None:
 
 def test_names_and_files_that_are_not_there(tmp_path: Path) -> None:
     assert "no scenario 'highwy': did you mean 'highway'?" in refused("highwy", tmp_path)
-    assert "built in are highway, curves, dense, straight" in refused("x", tmp_path)
+    assert "built in are highway, conflicts, curves, dense, straight" in refused("x", tmp_path)
     assert "no such file" in refused(str(tmp_path / "none.toml"), tmp_path)
     assert "no such file" in refused(str(tmp_path / "none.sumocfg"), tmp_path)
     assert "no such file" in refused(str(tmp_path / "none.net.xml"), tmp_path)

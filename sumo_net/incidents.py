@@ -1,0 +1,126 @@
+"""What makes traffic come near collisions: leaders that brake hard, cut-ins, drivers who look away.
+
+SUMO's vehicles as such hardly ever come near one another: each is told what to do through SUMO's own
+interface, and drives again as before afterwards. All draws depend on the seed and the vehicle's id alone.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from sumo_net.influence import Influence
+from sumo_net.randomness import stream_key, uniform
+from sumo_net.settings import settings
+from sumo_net.snapshot import Snapshot
+from sumo_net.traffic import Traffic
+
+Array = np.ndarray[Any, Any]
+
+STEP_S = 0.1
+_CUT_IN_S = 3.0  # for so long it stays on the lane it has cut into
+
+
+@settings
+class Incidents:
+    """How often vehicles of the traffic do what others have to react to; 0 is never."""
+
+    brakings_per_h: float = Field(0.0, ge=0, le=3600, description="hard brakings a vehicle and hour, mean")
+    braking_least_mps2: float = Field(3.0, gt=0, le=9)
+    braking_hardest_mps2: float = Field(7.0, gt=0, le=9)
+    speed_lost_least: float = Field(0.3, gt=0, le=1, description="share of the speed that is braked away")
+    speed_lost_most: float = Field(0.8, gt=0, le=1)
+    follower_away: float = Field(
+        0.0, ge=0, le=1, description="chance that who follows looks away when the leader brakes"
+    )
+    away_least_s: float = Field(1.0, gt=0, le=10, description="for how long he does not react")
+    away_most_s: float = Field(2.5, gt=0, le=10)
+    cut_ins_per_h: float = Field(
+        0.0, ge=0, le=3600, description="attempts a vehicle and hour, mean; most find nobody to cut in on"
+    )
+    cut_in_least_s: float = Field(0.3, gt=0, le=10, description="time gap left to who is cut in on")
+    cut_in_most_s: float = Field(1.0, gt=0, le=10)
+    least_speed_mps: float = Field(8.0, ge=0, le=60, description="slower vehicles do none of it")
+
+
+class _Draws(NamedTuple):
+    """Four numbers in [0, 1) of one vehicle in one step."""
+
+    event: float
+    strength: float
+    length: float
+    other: float
+
+
+class IncidentMaker:
+    """Call `step` once before each step of SUMO."""
+
+    def __init__(self, options: Incidents, traffic: Traffic, seed: int) -> None:
+        self._options, self._traffic, self._seed = options, traffic, seed
+        self._influence = Influence(traffic)
+        self._keys: dict[tuple[int, str], np.uint64] = {}
+        self._away: dict[int, tuple[float, float]] = {}  # follower: until when, his own reaction time
+        self._cutting_in: dict[int, tuple[float, int]] = {}  # until when, lane-change mode before
+        self._steps = 0
+
+    def step(self, snapshot: Snapshot) -> None:
+        """Let some of the vehicles of this snapshot begin something, and end what is over."""
+        self._steps += 1
+        time = self._traffic.time_s
+        for handle in [h for h, (until, _) in self._away.items() if time >= until]:
+            self._influence.set_reaction_s(handle, self._away.pop(handle)[1])
+        for handle in [h for h, (until, _) in self._cutting_in.items() if time >= until]:
+            self._influence.obey(handle, self._cutting_in.pop(handle)[1])
+        fast = np.flatnonzero((snapshot.speed_mps >= self._options.least_speed_mps) & (snapshot.lane >= 0))
+        for i, draws in self._chosen(snapshot, fast, "braking", self._options.brakings_per_h):
+            self._brake(snapshot, i, draws, time)
+        for i, draws in self._chosen(snapshot, fast, "cut-in", self._options.cut_ins_per_h):
+            self._cut_in(snapshot, i, draws, time)
+
+    def _chosen(
+        self, snapshot: Snapshot, rows: Array, kind: str, per_h: float
+    ) -> Iterator[tuple[int, _Draws]]:
+        chance = per_h / 3600.0 * STEP_S
+        for i in rows.tolist() if chance > 0.0 else []:
+            key = self._key(int(snapshot.handle[i]), kind)
+            if uniform(key, 4 * self._steps) < chance:
+                yield i, _Draws(*(float(uniform(key, 4 * self._steps + k)) for k in range(4)))
+
+    def _key(self, handle: int, kind: str) -> np.uint64:
+        if (handle, kind) not in self._keys:
+            name = self._traffic.vehicle_id(handle)
+            self._keys[handle, kind] = stream_key(self._seed, name, kind)
+        return self._keys[handle, kind]
+
+    def _brake(self, snapshot: Snapshot, i: int, draws: _Draws, time: float) -> None:
+        o = self._options
+        strength = o.braking_least_mps2 + draws.strength * (o.braking_hardest_mps2 - o.braking_least_mps2)
+        lost = o.speed_lost_least + draws.length * (o.speed_lost_most - o.speed_lost_least)
+        speed = float(snapshot.speed_mps[i])
+        self._influence.slow_down(int(snapshot.handle[i]), (1.0 - lost) * speed, lost * speed / strength)
+        if draws.other < o.follower_away:
+            follower = self._influence.follower(int(snapshot.handle[i]))
+            if follower is not None and follower not in self._away:
+                part = draws.other / o.follower_away
+                away = o.away_least_s + part * (o.away_most_s - o.away_least_s)
+                self._away[follower] = time + away, self._influence.reaction_s(follower)
+                self._influence.set_reaction_s(follower, away)
+
+    def _cut_in(self, snapshot: Snapshot, i: int, draws: _Draws, time: float) -> None:
+        """Move over in front of the neighbour whose time gap would be as drawn, on either side."""
+        o = self._options
+        wanted = o.cut_in_least_s + draws.strength * (o.cut_in_most_s - o.cut_in_least_s)
+        handle = int(snapshot.handle[i])
+        if handle in self._cutting_in:
+            return
+        sides = (1, -1) if draws.other < 0.5 else (-1, 1)
+        for side in sides:
+            for follower, gap in self._influence.followers_beside(handle, side):
+                row = int(np.searchsorted(snapshot.handle, follower))
+                if row >= len(snapshot.handle) or snapshot.handle[row] != follower:
+                    continue
+                speed = float(snapshot.speed_mps[row])
+                if 0.0 < gap <= wanted * speed and speed > snapshot.speed_mps[i]:
+                    self._cutting_in[handle] = time + _CUT_IN_S, self._influence.cut_in(handle, side)
+                    return

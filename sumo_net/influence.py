@@ -1,0 +1,73 @@
+"""What vehicles of the running simulation are told to do, and asked about each other."""
+
+import contextlib
+from typing import Any
+
+from sumo_net.traffic import Traffic
+
+_ONLY_AS_TOLD = 256  # SUMO's lane-change mode: no changes of its own; asked for one, it only avoids a crash
+_TOLD_FOR_S = 2.0
+
+
+class Influence:
+    """A thin layer over SUMO's vehicle interface, by handles. Vehicles that have vanished are passed over."""
+
+    def __init__(self, traffic: Traffic) -> None:
+        self._traffic = traffic
+        self._vehicle: Any = traffic.vehicles
+        self._gone = traffic.gone
+
+    def slow_down(self, handle: int, speed_mps: float, duration_s: float) -> None:
+        """Change the speed evenly; then the driver is himself again."""
+        with contextlib.suppress(*self._gone):
+            self._vehicle.slowDown(self._name(handle), speed_mps, duration_s)
+
+    def follower(self, handle: int) -> int | None:
+        """Who drives behind on the same lane."""
+        with contextlib.suppress(*self._gone):
+            name = self._vehicle.getFollower(self._name(handle), 0.0)[0]
+            return self._known(name) if name else None
+        return None
+
+    def followers_beside(self, handle: int, side: int) -> list[tuple[int, float]]:
+        """(handle, gap in m) of who is next behind on the lane to the left (+1) or right (-1)."""
+        ask = self._vehicle.getLeftFollowers if side > 0 else self._vehicle.getRightFollowers
+        with contextlib.suppress(*self._gone):
+            found = [(self._known(name), float(gap)) for name, gap in ask(self._name(handle))]
+            return [(one, gap) for one, gap in found if one is not None]
+        return []
+
+    def reaction_s(self, handle: int) -> float:
+        """How often the driver decides."""
+        with contextlib.suppress(*self._gone):
+            return float(self._vehicle.getActionStepLength(self._name(handle)))
+        return 0.1
+
+    def set_reaction_s(self, handle: int, seconds: float) -> None:
+        """Let the driver decide anew only after so long, and so often."""
+        with contextlib.suppress(*self._gone):
+            self._vehicle.setActionStepLength(self._name(handle), seconds, True)
+
+    def cut_in(self, handle: int, side: int) -> int:
+        """Change lanes now to the left (+1) or right (-1); gives the mode that `obey` wants later."""
+        with contextlib.suppress(*self._gone):
+            name = self._name(handle)
+            before = int(self._vehicle.getLaneChangeMode(name))
+            self._vehicle.setLaneChangeMode(name, _ONLY_AS_TOLD)
+            self._vehicle.changeLaneRelative(name, side, _TOLD_FOR_S)
+            return before
+        return -1
+
+    def obey(self, handle: int, mode: int) -> None:
+        """Give the driver his own lane changes back."""
+        with contextlib.suppress(*self._gone):
+            self._vehicle.setLaneChangeMode(self._name(handle), mode)
+
+    def _name(self, handle: int) -> str:
+        return self._traffic.vehicle_id(handle)
+
+    def _known(self, name: str) -> int | None:
+        try:
+            return self._traffic.handle(name)
+        except KeyError:
+            return None

@@ -1,0 +1,82 @@
+"""Lane changes of vehicles that are not equipped: SUMO makes them in one step, here they take seconds.
+
+What the sensors see is shifted sideways; SUMO's own state stays as it is. Equipped vehicles change lanes by
+their driver model and are left alone.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from sumo_net.lane_graph import LaneGraph
+from sumo_net.snapshot import Snapshot
+
+Array = np.ndarray[Any, Any]
+
+STEP_S = 0.1
+CHANGE_S = 3.0
+
+
+class LaneChanges:
+    """Follows every vehicle's lane and spreads each change over `duration_s`."""
+
+    def __init__(self, graph: LaneGraph, lane_ids: list[str], duration_s: float = CHANGE_S) -> None:
+        """lane_ids: that of Traffic, which may grow."""
+        self._graph, self._lane_ids = graph, lane_ids
+        self._steps = max(1, round(duration_s / STEP_S))
+        self._lane = np.full(256, -1, np.int32)  # by handle
+        self._left = np.zeros(256, np.int64)  # steps until the change is done
+        self._from_m = np.zeros(256)  # metres left of the new lane at which it began
+
+    def step(self, snapshot: Snapshot, equipped: Array) -> Snapshot:
+        """The snapshot with changing vehicles on their way; call once a step. equipped (N,) bool."""
+        handle, lane = snapshot.handle, snapshot.lane
+        if not len(handle):
+            return snapshot
+        self._grow(int(handle.max()) + 1)
+        before = self._lane[handle]
+        self._lane[handle] = lane
+        for i in np.flatnonzero((before != lane) & (before >= 0) & (lane >= 0) & ~equipped).tolist():
+            self._begin(int(handle[i]), int(before[i]), int(lane[i]))
+        self._left[handle[equipped]] = 0
+        changing = np.flatnonzero(self._left[handle] > 0)
+        if not len(changing):
+            return snapshot
+        return self._shifted(snapshot, changing)
+
+    def _begin(self, handle: int, before: int, lane: int) -> None:
+        (edge, old, old_width), (new_edge, new, width) = self._on(before), self._on(lane)
+        if edge != new_edge or not edge:
+            return  # on to the next edge
+        rest = float(self._offset(np.array([handle]))[0])
+        # lanes are numbered from the right
+        self._from_m[handle] = rest + (old - new) * 0.5 * (old_width + width)
+        self._left[handle] = self._steps
+
+    def _offset(self, handle: Array) -> Array:
+        """Metres left of SUMO's place now: a half cosine from where the change began to 0."""
+        part = self._left[handle] / self._steps
+        return np.asarray(self._from_m[handle] * 0.5 * (1.0 - np.cos(np.pi * part)))
+
+    def _shifted(self, snapshot: Snapshot, changing: Array) -> Snapshot:
+        handle = snapshot.handle[changing]
+        offset = self._offset(handle)
+        self._left[handle] -= 1
+        lateral_mps = (self._offset(handle) - offset) / STEP_S
+        x, y, heading = snapshot.x_m.copy(), snapshot.y_m.copy(), snapshot.heading_rad.copy()
+        x[changing] -= offset * np.sin(heading[changing])
+        y[changing] += offset * np.cos(heading[changing])
+        # standing in the middle of a change it keeps the angle of a slow one
+        heading[changing] += np.arctan2(lateral_mps, np.maximum(snapshot.speed_mps[changing], 5.0))
+        return snapshot._replace(x_m=x, y_m=y, heading_rad=heading)
+
+    def _on(self, lane: int) -> tuple[str, int, float]:
+        """Edge, index on it and width of a lane by its number."""
+        known = self._graph.lanes.get(self._lane_ids[lane])
+        return ("", 0, 0.0) if known is None else (known.edge, known.index, known.width_m)
+
+    def _grow(self, count: int) -> None:
+        while len(self._lane) < count:
+            self._lane = np.concatenate([self._lane, np.full_like(self._lane, -1)])
+            self._left = np.concatenate([self._left, np.zeros_like(self._left)])
+            self._from_m = np.concatenate([self._from_m, np.zeros_like(self._from_m)])
