@@ -13,7 +13,7 @@ from plugin.configuration import Configuration, configuration_from, versions
 from plugin.ground_truth import curvature_ahead, margins, true_motion
 from plugin.motion import observer, prediction
 from plugin.motion.estimate import MotionEstimate, Trajectory
-from plugin.ranging import Ranging, RangingState
+from plugin.ranging import Ranging, RangingState, bodies_ahead
 from plugin.record import Recorder
 from plugin.truth import HORIZONS_S, STEP_S, Scorer
 from plugin.vision import Scene, Sight, Vision, VisionState
@@ -249,6 +249,8 @@ class DriverAssistance:
         ranging, self._tracked, echo = self._ranging.step(
             state.ranging, self._tracked, truth, snapshot, motion
         )
+        bodies = bodies_ahead(echo.tracks, self._tracked.tracks.unseen_s, truth.speed_mps, truth.yaw_rate_rps)
+        vision = self._vision.told(vision, bodies)
         self._state = FleetState(truth.handle, vision, observing, warning_state, ranging)
         columns = self._columns(truth, snapshot, ahead, sight, motion, spans)
         columns |= self._warning_columns(crossings, floor, warning)

@@ -6,13 +6,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plugin.configuration import Configuration
+from plugin.lane.hidden import Bodies
 from plugin.motion.estimate import MotionEstimate
+from plugin.tracking import classification
 from plugin.tracking.detections import Detections, EgoMotion
 from plugin.tracking.tracker import Tracker, TrackerSettings, TrackerState, TrackList
 from plugin.warning import collision
 from plugin.warning.collision import Collision, CollisionState, CollisionWarning, InPath
 from radar_synth.radar import OwnMotion, ScanTruth, Sightings, flatten, scan
 from radar_synth.visibility import objects_in_view
+from sumo_net.batch import select
 from sumo_net.ego import EgoTruth
 from sumo_net.randomness import stream_key
 from sumo_net.road import RoadNetwork
@@ -23,6 +26,8 @@ from sumo_net.surroundings import Objects
 Array = np.ndarray[Any, Any]
 
 STEP_S = 0.1
+_LATELY_S = 0.5
+_MOVING_MPS = 5.0  # a track too young for a class
 
 
 class RangingState(NamedTuple):
@@ -112,6 +117,27 @@ class Ranging:
         after = RangingState(state.radar_key, state.scan + 1, warned)
         place = flat.owner, flat.column
         return after, tracked, Echo(tracks, in_path, warning, objects, seen, behind, place)
+
+
+def bodies_ahead(tracks: TrackList, unseen_s: Array, speed_mps: Array, yaw_rate_rps: Array) -> Bodies:
+    """The vehicles among the tracks where they will be in the next step, for the camera.
+
+    What was never seen moving is left out: posts and rails stand beside the road and hide none of it.
+    """
+    unclassified = tracks.motion_state == classification.UNCLASSIFIED
+    moving = np.where(
+        unclassified,
+        np.abs(tracks.estimate.vx_mps) > _MOVING_MPS,
+        tracks.motion_state != classification.STATIONARY,
+    )
+    chosen = np.flatnonzero(tracks.confirmed & moving & (unseen_s <= _LATELY_S))
+    owner, e = tracks.owner[chosen], select(tracks.estimate, chosen)
+    turn = yaw_rate_rps[owner] * STEP_S
+    return Bodies(
+        owner,
+        e.x_m + (e.vx_mps - speed_mps[owner]) * STEP_S + turn * e.y_m,
+        e.y_m + e.vy_mps * STEP_S - turn * e.x_m,
+    )
 
 
 def mounted(tracker: TrackerSettings, forward_m: float) -> TrackerSettings:

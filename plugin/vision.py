@@ -19,6 +19,7 @@ from plugin.lane import genetic, refine
 from plugin.lane.estimate import Borders, LaneEstimate
 from plugin.lane.genetic import SearchState, fitted_to, search_numbers
 from plugin.lane.geometry import lane_estimate_from_borders, marking_centres
+from plugin.lane.hidden import Bodies, hidden_by, nothing_hidden
 from plugin.lane.refine import LaneState
 from plugin.recognition_kernels import ROW_STEP, ROWS, judge
 from sumo_net.batch import join, select
@@ -51,6 +52,7 @@ class VisionState(NamedTuple):
     camera_key: Array  # (n,) uint64
     frame: Array  # (n,) int64
     looks: Looks
+    hidden: Array  # (n, BODIES, COLUMNS) what vehicles ahead hide, by the radar's tracks of the step before
     lane: LaneState  # default mode
     search: SearchState  # published search: of paper mode, or what starts the default mode
     beside: SearchState  # the published search on every frame, for comparison
@@ -92,6 +94,7 @@ class Vision:
             keys("camera"),
             np.zeros(n, np.int64),
             looks(self._configuration.condition, n),
+            nothing_hidden(n),
             refine.init(n),
             genetic.init(keys("search")),
             genetic.init(keys("search beside")),
@@ -105,6 +108,10 @@ class Vision:
         run = self._pool.map if self._pool is not None and len(work) > 1 else map
         done = list(run(self._chunk, work))
         return join(*(after for after, _ in done)), join(*(sight for _, sight in done))
+
+    def told(self, state: VisionState, bodies: Bodies) -> VisionState:
+        """The state for a next frame in which these bodies hide the road, (B,) where they will be then."""
+        return state._replace(hidden=hidden_by(bodies, len(state.frame), self._projection))
 
     def close(self) -> None:
         """End the threads."""
@@ -148,7 +155,14 @@ class Vision:
         else:
             search, start, wanted = self._start(frames, lane_state, search)
             lane_state, lane = refine.step(
-                frames, start, wanted, lane_state, self._projection, speed_mps, self._configuration.refine
+                frames,
+                start,
+                wanted,
+                lane_state,
+                self._projection,
+                speed_mps,
+                self._configuration.refine,
+                state.hidden,
             )
             borders = refine.parabolas(lane_state, self._projection)
             columns = refine.border_columns(lane_state, JUDGED_Y, self._projection)

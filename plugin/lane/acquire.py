@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from plugin.lane.hidden import without_hidden
 from plugin.lane.ridge import candidates
 from plugin.lane.road_model import (
     HEADING,
@@ -112,6 +113,7 @@ def ridge_points(frame, rows, p, t, noise, work, ridge, point):  # type: ignore[
                 work.response,
                 ridge,
             )
+            count = without_hidden(ridge, count, rows[r], work.hidden)
             for c in range(count):
                 aside = (p.center_x - ridge[c, 0]) / scale
                 point[found, 0] = p.cos_yaw * ahead - p.sin_yaw * aside + p.forward

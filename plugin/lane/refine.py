@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 
 from camera_synth.camera import WIDTH_PX, Projection
 from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.hidden import nothing_hidden
 from plugin.lane.refine_kernels import (
     LOCKED,
     REACH_M,
@@ -199,11 +200,13 @@ def step(
     projection: Projection,
     speed_mps: Array,
     refine: Refine,
+    hidden: Array | None = None,
 ) -> tuple[LaneState, LaneEstimate]:
     """One frame of each of n vehicles.
 
     frames (n, 240, 320) uint8. borders: the published search's, for the vehicles that `given` (n,) bool
-    marks; None for none. speed_mps (n,): of the step that led here.
+    marks; None for none. speed_mps (n,): of the step that led here. hidden (n, BODIES, COLUMNS): the bodies
+    ahead, from `plugin.lane.hidden`, where they are known.
 
     Raises ValueError where the sizes do not fit.
     """
@@ -222,6 +225,7 @@ def step(
         left,
         right,
         there,
+        nothing_hidden(n) if hidden is None else np.ascontiguousarray(hidden),
         state,
         _rows(projection),
         projection,

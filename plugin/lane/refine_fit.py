@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plugin.lane.body import body_ahead
+from plugin.lane.hidden import BODIES, COLUMNS, without_hidden
 from plugin.lane.ridge import BUFFER_PX, candidates
 from plugin.lane.road_model import (
     HEADING,
@@ -65,6 +66,7 @@ class Work(NamedTuple):
     factor: Array  # (STATES, STATES)
     gradient: Array  # (STATES,)
     J: Array  # (STATES,)
+    hidden: Array  # (BODIES, COLUMNS) of `plugin.lane.hidden`
 
 
 @kernel
@@ -89,6 +91,7 @@ def workspace(rows):  # type: ignore[no-untyped-def]
         np.zeros((STATES, STATES)),
         np.zeros(STATES),
         np.zeros(STATES),
+        np.zeros((BODIES, COLUMNS)),
     )
 
 
@@ -267,6 +270,9 @@ def gather(frame, rows, t, noise, work):  # type: ignore[no-untyped-def]
                             work.ridge[side, r, kept, 1] = work.ridge[side, r, c, 1]
                             kept += 1
                     work.ridges[side, r] = kept
+                work.ridges[side, r] = without_hidden(
+                    work.ridge[side, r], work.ridges[side, r], rows[r], work.hidden
+                )
 
 
 @kernel

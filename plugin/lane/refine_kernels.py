@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from plugin.lane.evidence import pixel_noise, plausible, share_of_paint, side_seen, support_of
+from plugin.lane.hidden import outline
 from plugin.lane.lane_motion import predict, shift_lane
 from plugin.lane.lane_start import room_for, start
 from plugin.lane.refine_fit import farthest_found, fit, gather, invert, predict_spread, tally, workspace
@@ -46,7 +47,7 @@ def second_look(status, age, misses, doubtful):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  # type: ignore[no-untyped-def]
+def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new, out):  # type: ignore[no-untyped-def]
     """One frame for every vehicle: state `old` -> `new`, LaneEstimate arrays in `out`."""
     work = workspace(rows.shape[0])
     room = room_for(rows.shape[0])
@@ -57,6 +58,8 @@ def step_kernel(frames, left, right, given, old, rows, p, speed, t, new, out):  
         phase, status = old.phase[i], old.status[i]
         misses, age = old.misses[i], old.age[i]
         shift = 0
+        work.hidden[:, :] = hidden[i]
+        outline(frames[i], work.hidden, p)
         seen_left, seen_right = False, False
         new.share[i, :] = old.share[i]
         new.beside[i, :] = old.beside[i]

@@ -1,0 +1,176 @@
+"""What vehicles ahead hide of the road, as the radar's tracks have them: no paint is to be found there.
+
+A body's edges, lamps and tyres are as bright, narrow and slanted as paint. The camera alone tells only a body
+in the own lane (`plugin.lane.body`); for the others the tracks of the step before say where the nearest point
+of each is, and the dark strip under it in the image how wide it stands there.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from camera_synth.camera import Projection, image_from_vehicle
+from sumo_net.compile import kernel
+
+Array = np.ndarray[Any, Any]
+
+BODIES = 8  # of each vehicle, the nearest
+NEAREST_M, FURTHEST_M, ASIDE_M = 3.0, 100.0, 9.0
+BODY_WIDTH_M, BODY_LENGTH_M = 2.3, 6.0
+MARGIN_M, MARGIN_PX = 0.25, 2.0
+FOOT, FIRST, LAST, POINT, SCALE, FAR, COLUMNS = range(7)  # of a body's row in `hidden`
+STRIP_M, STRIP_DARK = 0.2, 0.65  # height of the strip's middle, and its grey over the road's at most
+STRIP_FROM_M, STRIP_NARROW_M, STRIP_WIDE_M = 0.8, 1.0, 3.4  # how far from the point it begins; its width
+ROAD_NEARER_M = 3.0  # so much nearer the road's grey is read
+STRAIGHT_AHEAD_M, WELL_ASIDE_M = 0.4, 2.2
+
+
+class Bodies(NamedTuple):
+    """B vehicles ahead of the fleet's, (B,) each, sorted by owner: the nearest point of each."""
+
+    owner: Array  # int64, row of the vehicle
+    x_m: Array  # from the centre of gravity
+    y_m: Array
+
+
+def nothing_hidden(n: int) -> Array:
+    """(n, BODIES, COLUMNS) of n vehicles with a free view."""
+    out = np.zeros((n, BODIES, COLUMNS))
+    out[:, :, FOOT] = np.inf
+    return out
+
+
+def hidden_by(bodies: Bodies, n: int, projection: Projection) -> Array:
+    """(n, BODIES, COLUMNS): from which row on (y up) and from which to which column each body hides the road.
+
+    Also the nearest point's column, pixels per metre there, and its distance over that of the body's front.
+    """
+    out = nothing_hidden(n)
+    order = np.lexsort((bodies.x_m, bodies.owner))
+    _mask(bodies.owner[order], bodies.x_m[order], bodies.y_m[order], projection, out)
+    return out
+
+
+@kernel
+def _mask(owner, x, y, p, out):  # type: ignore[no-untyped-def]
+    used, before = 0, -1
+    for b in range(len(owner)):
+        i = owner[b]
+        used = 0 if i != before else used
+        before = i
+        if used >= BODIES or not (NEAREST_M < x[b] < FURTHEST_M and abs(y[b]) < ASIDE_M):
+            continue
+        # The nearest point of a body well aside is its inner corner. Of one straight ahead it is somewhere on
+        # its rear, and of one between, which may be changing lanes and stand askew, either corner.
+        left, right = BODY_WIDTH_M, BODY_WIDTH_M
+        if abs(y[b]) < STRAIGHT_AHEAD_M:
+            left, right = 0.5 * BODY_WIDTH_M, 0.5 * BODY_WIDTH_M
+        elif y[b] > WELL_ASIDE_M:
+            right = MARGIN_M
+        elif y[b] < -WELL_ASIDE_M:
+            left = MARGIN_M
+        low, high = y[b] - right, y[b] + left
+        first, last = math.inf, -math.inf
+        column, foot, depth = image_from_vehicle(x[b], y[b], 0.0, p)
+        if depth <= 0.0:
+            continue
+        out[i, used, POINT], out[i, used, SCALE] = column, p.focal / depth
+        out[i, used, FAR] = x[b] / (x[b] + BODY_LENGTH_M)
+        for end in range(2):
+            for side in range(2):
+                column, row, depth = image_from_vehicle(
+                    x[b] + end * BODY_LENGTH_M, low if side == 0 else high, 0.0, p
+                )
+                if depth <= 0.0:
+                    continue
+                first, last = min(first, column), max(last, column)
+                if end == 0:
+                    foot = row
+        out[i, used, 0], out[i, used, 1], out[i, used, 2] = (
+            foot - MARGIN_PX,
+            first - MARGIN_PX,
+            last + MARGIN_PX,
+        )
+        used += 1
+
+
+@kernel
+def outline(frame, hidden, p):  # type: ignore[no-untyped-def]
+    """Narrow each body of one vehicle's `hidden` (BODIES, COLUMNS) to what the frame shows, where it does."""
+    height, width = frame.shape
+    vanishing_x = p.center_x + p.focal * p.sin_yaw / p.cos_yaw
+    vanishing_y = p.center_y + p.focal_y * p.sin_pitch / p.cos_pitch
+    for b in range(hidden.shape[0]):
+        foot, scale, point = hidden[b, FOOT], hidden[b, SCALE], hidden[b, POINT]
+        if not math.isfinite(foot):
+            break
+        distance = p.height * p.focal_y / max(vanishing_y - foot, 1.0)
+        nearer = vanishing_y - (vanishing_y - foot) * distance / max(distance - ROAD_NEARER_M, 1.0)
+        row, below = height - 1 - round(foot + STRIP_M * scale), height - 1 - round(max(nearer, 0.0))
+        low, high = max(round(point - scale), 0), min(round(point + scale), width - 1)
+        if 1 <= row < height and below < height and high - low >= 2:
+            road = 0.0
+            for c in range(low, high + 1):
+                road += frame[below, c]
+            dark = STRIP_DARK * road / (high - low + 1)
+            first, last = _strip(frame, row, point, STRIP_FROM_M * scale, dark)
+            cut = first <= 1 or last >= width - 2  # goes on beside the image
+            if STRIP_NARROW_M * scale <= last - first + 1 <= STRIP_WIDE_M * scale or (
+                cut and last > first + 1
+            ):
+                # and the side of the body, up to its front
+                hidden[b, FIRST] = min(first, vanishing_x + (first - vanishing_x) * hidden[b, FAR])
+                hidden[b, LAST] = max(last, vanishing_x + (last - vanishing_x) * hidden[b, FAR])
+                if first <= 1:
+                    hidden[b, FIRST] = -math.inf
+                if last >= width - 2:
+                    hidden[b, LAST] = math.inf
+        hidden[b, FIRST] -= MARGIN_PX
+        hidden[b, LAST] += MARGIN_PX
+        hidden[b, FOOT] -= MARGIN_PX
+
+
+@kernel
+def _strip(frame, row, point, reach, dark):  # type: ignore[no-untyped-def]
+    """(first, last) of the dark run of a row that begins within `reach` of column `point`; (0, -1) for none.
+
+    A single brighter pixel does not end it.
+    """
+    width = frame.shape[1]
+    start, nearest = -1, math.inf
+    for c in range(max(round(point - reach), 0), min(round(point + reach), width - 1) + 1):
+        if _dark_at(frame, row, c, dark) and abs(c - point) < nearest:
+            start, nearest = c, abs(c - point)
+    if start < 0:
+        return 0, -1
+    first, last = start, start
+    while first > 0 and (
+        _dark_at(frame, row, first - 1, dark) or _dark_at(frame, row, max(first - 2, 0), dark)
+    ):
+        first -= 1
+    while last < width - 1 and (
+        _dark_at(frame, row, last + 1, dark) or _dark_at(frame, row, min(last + 2, width - 1), dark)
+    ):
+        last += 1
+    return first, last
+
+
+@kernel
+def _dark_at(frame, row, c, dark):  # type: ignore[no-untyped-def]
+    return 0.5 * (float(frame[row, c]) + float(frame[row - 1, c])) < dark
+
+
+@kernel
+def without_hidden(ridge, count, y, hidden):  # type: ignore[no-untyped-def]
+    """Drop the ridges (count, 2) of row y whose column a body hides; how many are left."""
+    kept = 0
+    for c in range(count):
+        column, seen = ridge[c, 0], True
+        for b in range(hidden.shape[0]):
+            if y >= hidden[b, FOOT] and hidden[b, FIRST] <= column <= hidden[b, LAST]:
+                seen = False
+        if seen:
+            ridge[kept, 0], ridge[kept, 1] = column, ridge[c, 1]
+            kept += 1
+    return kept
