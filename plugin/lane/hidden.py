@@ -87,11 +87,7 @@ def _mask(owner, x, y, p, out):  # type: ignore[no-untyped-def]
                 first, last = min(first, column), max(last, column)
                 if end == 0:
                     foot = row
-        out[i, used, 0], out[i, used, 1], out[i, used, 2] = (
-            foot - MARGIN_PX,
-            first - MARGIN_PX,
-            last + MARGIN_PX,
-        )
+        out[i, used, FOOT], out[i, used, FIRST], out[i, used, LAST] = foot, first, last
         used += 1
 
 
