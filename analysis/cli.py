@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from analysis.commands import recordings, simulation, studies
+from analysis.commands import campaigns, recordings, simulation, studies
 from analysis.commands.common import errors
 
 app = typer.Typer(
@@ -46,6 +46,7 @@ def about(
 
 app.command()(simulation.run)
 app.command()(simulation.scenarios)
+app.command()(campaigns.batch)
 app.command()(recordings.detect)
 app.command()(recordings.calibrate)
 app.command()(recordings.track)

@@ -79,14 +79,10 @@ def _mask(owner, x, y, p, out):  # type: ignore[no-untyped-def]
         out[i, used, FAR] = x[b] / (x[b] + BODY_LENGTH_M)
         for end in range(2):
             for side in range(2):
-                column, row, depth = image_from_vehicle(
-                    x[b] + end * BODY_LENGTH_M, low if side == 0 else high, 0.0, p
-                )
-                if depth <= 0.0:
-                    continue
-                first, last = min(first, column), max(last, column)
-                if end == 0:
-                    foot = row
+                aside = low if side == 0 else high
+                column, _, depth = image_from_vehicle(x[b] + end * BODY_LENGTH_M, aside, 0.0, p)
+                if depth > 0.0:
+                    first, last = min(first, column), max(last, column)
         out[i, used, FOOT], out[i, used, FIRST], out[i, used, LAST] = foot, first, last
         used += 1
 

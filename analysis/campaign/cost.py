@@ -1,0 +1,28 @@
+"""What a campaign takes, estimated before it runs."""
+
+import dask
+
+from analysis.campaign.plan import Plan
+
+START_S = 4.0  # core seconds a run: imports, network, SUMO
+PER_SIMULATED_S = 0.16  # core seconds, default scenario with 20 equipped vehicles
+BYTES_PER_RUN = 25_000  # summary.json
+KEPT_BYTES_PER_S = {
+    "steps": 20_000,
+    "predictions": 30_000,
+    "tracks": 110_000,
+}  # Parquet
+
+
+def estimate(plan: Plan, workers: int | None = None) -> str:
+    """Time and disk in words, by what the default scenario took where these figures were measured."""
+    count = workers or dask.system.CPU_COUNT
+    seconds = len(plan.runs) * START_S + plan.recorded_s * PER_SIMULATED_S
+    disk = float(len(plan.runs) * BYTES_PER_RUN)
+    disk += sum(KEPT_BYTES_PER_S.get(name, 100) for name in plan.campaign.keep) * plan.recorded_s
+    hours, minutes = seconds / 3600.0, seconds / 60.0 / count
+    return (
+        f"{len(plan.runs)} runs in {len(plan.cells)} cells, {plan.recorded_s / 3600.0:.2f} h simulated: "
+        f"about {hours:.2f} core-hours ({minutes:.1f} min with {count} workers) and "
+        f"{disk / 1e6:.1f} MB, by the default scenario with 20 equipped vehicles"
+    )

@@ -1,0 +1,192 @@
+"""The runs of a campaign on Dask: a cluster on this machine, or an existing scheduler by its address.
+
+A worker starts each run as a process of its own and moves the result in whole. What is there already is not
+run again: the same command resumes after any interruption.
+"""
+
+import contextlib
+import itertools
+import json
+import logging
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import dask
+from distributed import Client, LocalCluster, as_completed
+
+from analysis.campaign.plan import Plan, Run
+from analysis.campaign.store import Store
+from sumo_net.settings import SettingsError
+
+_AHEAD = 3  # runs handed to the scheduler per worker
+_LINES = 3  # of what a failed run said
+
+
+class Progress(NamedTuple):
+    """How far a campaign is."""
+
+    total: int
+    done: int  # those that were there before, too
+    failed: int
+    seconds: float  # that the last run took, NaN before the first
+
+
+def run(
+    plan: Plan,
+    out: Path | str,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    compare_paper: bool = False,
+    tell: Callable[[Progress], None] = lambda progress: None,
+) -> dict[str, dict[str, Any]]:
+    """Run what is missing of a campaign into `out`; the failures' causes and attempts by key.
+
+    workers : processes at once of the cluster on this machine; default: one a core.
+    scheduler : address of an existing Dask scheduler, instead.
+
+    Raises SettingsError before anything is run or overwritten.
+    """
+    store = Store(out)
+    with _client(workers, scheduler) as client:  # an unreachable one leaves no trace
+        store.claim(plan.campaign.title, plan.hash, len(plan.runs))
+        store.sweep_up()
+        store.describe(
+            {
+                "cells": list(plan.cells),
+                "runs": [[r.key, r.cell, r.seed] for r in plan.runs],
+                "keep": list(plan.campaign.keep),
+            }
+        )
+        there = store.done()
+        missing = [one for one in plan.runs if one.key not in there]
+        tell(Progress(len(plan.runs), len(plan.runs) - len(missing), 0, float("nan")))
+        if missing:
+            _check_workers(client)
+            _work(client, plan, missing, store, compare_paper, tell)
+    return store.failures()
+
+
+def _work(
+    client: Client,
+    plan: Plan,
+    missing: list[Run],
+    store: Store,
+    compare_paper: bool,
+    tell: Callable[[Progress], None],
+) -> None:
+    waiting = iter(missing)
+    attempts: dict[str, int] = {}
+    runs = {one.key: one for one in missing}
+    done, failed = len(plan.runs) - len(missing), 0
+
+    def submit(one: Run) -> Any:
+        attempts[one.key] = attempts.get(one.key, 0) + 1
+        order = {
+            "key": one.key,
+            "cell": one.cell,
+            "scenario": one.scenario,
+            "seed": one.seed,
+            "changes": dict(one.changes),
+            "keep": list(plan.campaign.keep),
+            "compare_paper": compare_paper,
+        }
+        return client.submit(work_off, order, store.address, key=f"{one.key}-{attempts[one.key]}", pure=False)
+
+    threads = sum(client.nthreads().values())
+    pool = as_completed([submit(one) for one in itertools.islice(waiting, _AHEAD * max(threads, 1))])
+    for future in pool:
+        key = future.key.rsplit("-", 1)[0]
+        seconds, cause = _outcome(future)
+        if cause and attempts[key] <= plan.campaign.retries:
+            pool.add(submit(runs[key]))
+            continue
+        if cause:
+            store.fail(key, cause, attempts[key])
+            failed += 1
+        else:
+            done += 1
+        tell(Progress(len(plan.runs), done, failed, seconds))
+        following = next(waiting, None)
+        if following is not None:
+            pool.add(submit(following))
+
+
+def _outcome(future: Any) -> tuple[float, str]:
+    try:
+        seconds, cause = future.result()
+    except Exception as error:  # the worker died of it, several times
+        return float("nan"), f"{type(error).__name__}: {' '.join(str(error).split())[:500]}"
+    return seconds, cause
+
+
+def work_off(order: dict[str, Any], address: str) -> tuple[float, str]:
+    """On a worker: one run. How long it took, and what went wrong or ''."""
+    import time
+
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="sumo-adas-run-") as folder:
+        place = Path(folder) / "run"
+        done = subprocess.run(
+            [sys.executable, "-m", "analysis.campaign.one", str(place)],
+            input=json.dumps(order),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode != 0:
+            said = [line.strip() for line in done.stderr.splitlines() if line.strip()][-_LINES:]
+            how = f"ended by signal {-done.returncode}" if done.returncode < 0 else "failed"
+            return time.monotonic() - begin, " | ".join(said).replace(folder, "…") or how
+        try:
+            Store(address).put(order["key"], place)
+        except OSError as error:
+            return time.monotonic() - begin, f"{address}: {error.strerror or error}"
+    return time.monotonic() - begin, ""
+
+
+@contextlib.contextmanager
+def _client(workers: int | None, scheduler: str | None) -> Iterator[Client]:
+    logging.getLogger("distributed").setLevel(logging.ERROR)
+    with dask.config.set(
+        {"distributed.scheduler.allowed-failures": 3, "distributed.comm.timeouts.connect": "10s"}
+    ):
+        if scheduler is not None:
+            try:
+                client = Client(scheduler, timeout="10s")
+            except (OSError, ValueError) as error:
+                reason = " ".join(str(error).split())
+                raise SettingsError(f"--scheduler {scheduler}: no scheduler answers ({reason})") from None
+            with client:
+                yield client
+            return
+        with (
+            LocalCluster(
+                n_workers=workers or dask.system.CPU_COUNT,
+                threads_per_worker=1,
+                memory_limit=0,
+                dashboard_address=None,
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+
+
+def _check_workers(client: Client) -> None:
+    """Raises SettingsError where a worker cannot run anything."""
+    if not client.nthreads():
+        raise SettingsError("the scheduler has no workers: start some, as in `dask worker ADDRESS`")
+    for worker, words in client.run(_ready).items():
+        if words:
+            raise SettingsError(f"worker {worker}: {words}")
+
+
+def _ready() -> str:
+    import importlib.util
+
+    missing = [name for name in ("libsumo", "analysis", "plugin") if importlib.util.find_spec(name) is None]
+    return f"has no {', '.join(missing)}: install sumo-adas there" if missing else ""

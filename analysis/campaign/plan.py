@@ -1,0 +1,219 @@
+"""What a campaign consists of: the file, its cells and runs, checked whole before the first run."""
+
+import difflib
+import hashlib
+import itertools
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pydantic
+from pydantic import Field
+
+from plugin.configuration import Configuration, load_configuration
+from plugin.schema import TABLES
+from sumo_net.randomness import generator
+from sumo_net.settings import SettingsError, read, read_toml, settings
+
+_OWN = ("seed", "duration_s")  # have their places in the file
+
+
+@settings
+class Seeds:
+    """Consecutive seeds."""
+
+    first: int = Field(1, ge=0, lt=2**31)
+    count: int = Field(gt=0, le=1_000_000)
+
+
+@settings
+class Draw:
+    """A setting that is drawn anew for every seed; the same for one seed in all cells."""
+
+    distribution: Literal["uniform", "normal", "lognormal", "choice"] = Field("uniform")
+    low: float | None = Field(None, description="least value; drawn again below")
+    high: float | None = Field(None, description="greatest value; drawn again above")
+    mean: float = Field(0.0, description="normal; of the logarithm for lognormal")
+    deviation: float = Field(1.0, gt=0, description="normal; of the logarithm for lognormal")
+    values: tuple[float | str | bool, ...] = Field((), description="of choice")
+
+    @pydantic.model_validator(mode="after")
+    def _complete(self) -> "Draw":
+        if self.distribution == "uniform" and (self.low is None or self.high is None):
+            raise ValueError("uniform needs low and high")
+        if self.distribution == "choice" and not self.values:
+            raise ValueError("choice needs values")
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"low = {self.low}: must not be above high = {self.high}")
+        return self
+
+    def value(self, draw: np.random.Generator) -> float | str | bool:
+        """One value."""
+        if self.distribution == "choice":
+            return self.values[int(draw.integers(len(self.values)))]
+        low, high = (-np.inf if self.low is None else self.low), (np.inf if self.high is None else self.high)
+        for _ in range(1000):
+            value = float(
+                draw.uniform(low, high)
+                if self.distribution == "uniform"
+                else getattr(draw, self.distribution)(self.mean, self.deviation)
+            )
+            if low <= value <= high:
+                return round(value, 6)
+        raise ValueError(f"{self.distribution} with mean = {self.mean} hardly ever lies in {low} to {high}")
+
+
+@settings
+class Campaign:
+    """A campaign file."""
+
+    title: str = Field("", description="one line for the report")
+    scenarios: tuple[str, ...] = Field(("highway",), min_length=1, description="built-in names or files")
+    seeds: Seeds | tuple[int, ...] = Field(description="a list, or first and count")
+    duration_s: float | None = Field(None, gt=0, le=86_400, description="of every run; else the scenario's")
+    settings: dict[str, Any] = Field(default_factory=dict, description="of every run, by dotted name")
+    grid: dict[str, tuple[Any, ...]] = Field(
+        default_factory=dict, description="every combination of these is a cell, by dotted name"
+    )
+    random: dict[str, Draw] = Field(default_factory=dict, description="drawn for every seed, by dotted name")
+    retries: int = Field(1, ge=0, le=100, description="how often a failed run is tried again")
+    keep: tuple[str, ...] = Field((), description="tables kept of every run, as Parquet")
+
+    @pydantic.model_validator(mode="after")
+    def _consistent(self) -> "Campaign":
+        seeds = self.seeds
+        if not isinstance(seeds, Seeds):
+            if not seeds:
+                raise ValueError("seeds = []: name at least one")
+            twice = sorted({seed for seed in seeds if seeds.count(seed) > 1})
+            if twice:
+                raise ValueError(f"seeds: {', '.join(map(str, twice))} given twice")
+        for name, values in self.grid.items():
+            if not values:
+                raise ValueError(f'grid."{name}" = []: name at least one value')
+            if len({json.dumps(value, sort_keys=True) for value in values}) < len(values):
+                raise ValueError(f'grid."{name}": a value is given twice')
+        used = [*self.settings, *self.grid, *self.random]
+        for name in used:
+            if used.count(name) > 1:
+                raise ValueError(f"{name}: stands in more than one of settings, grid and random")
+            if name in _OWN:
+                raise ValueError(f"{name}: is a key of the campaign itself, not of settings, grid or random")
+        for name in self.keep:
+            if name not in TABLES:
+                near = difflib.get_close_matches(name, TABLES, n=1)
+                hint = f": did you mean '{near[0]}'?" if near else f"; there are {', '.join(TABLES)}"
+                raise ValueError(f"keep: no table '{name}'{hint}")
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run of a campaign."""
+
+    key: str  # name of its folder
+    cell: int
+    scenario: str
+    seed: int
+    changes: Mapping[str, Any]  # nested, laid over the scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All runs of a campaign, in the order of the report."""
+
+    campaign: Campaign
+    cells: tuple[Mapping[str, Any], ...]  # scenario and grid values by dotted name
+    runs: tuple[Run, ...]
+    recorded_s: float  # simulated by all runs together
+
+    @property
+    def hash(self) -> str:
+        """Of everything that the results depend on."""
+        runs = [[run.key, run.scenario, run.seed, run.changes] for run in self.runs]
+        text = json.dumps(runs, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load(file: Path | str, keep: tuple[str, ...] = ()) -> Plan:
+    """Read a campaign file and check every run's settings. Raises SettingsError before anything runs.
+
+    keep : tables to be kept in the place of those that the file names.
+    """
+    path = Path(file)
+    mapping = read_toml(path)
+    if keep:
+        mapping["keep"] = list(keep)
+    return plan(read(Campaign, mapping, str(path)), path.parent, str(path))
+
+
+def in_words(run: Run) -> str:
+    """A run's changes, by dotted name."""
+    return ", ".join(f"{name} = {value}" for name, value in _flat(run.changes))
+
+
+def _flat(mapping: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in mapping.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") -> Plan:
+    """All runs of a campaign; scenario files are looked for from `folder`. Raises SettingsError."""
+    seeds = campaign.seeds
+    numbers = range(seeds.first, seeds.first + seeds.count) if isinstance(seeds, Seeds) else seeds
+    scenarios = [_scenario(name, folder) for name in campaign.scenarios]
+    if len(set(scenarios)) < len(scenarios):
+        raise SettingsError(f"{source}: scenarios: one is given twice")
+    cells: list[dict[str, Any]] = []
+    runs, recorded = [], 0.0
+    for scenario, values in itertools.product(scenarios, itertools.product(*campaign.grid.values())):
+        cell = dict(zip(campaign.grid, values, strict=True))
+        for seed in numbers:
+            given = campaign.settings | cell | _drawn(campaign, seed)
+            changes: dict[str, Any] = {"seed": seed}
+            if campaign.duration_s is not None:
+                changes["duration_s"] = campaign.duration_s
+            for name, value in given.items():
+                _put(changes, name, value, source)
+            checked = _check(scenario, changes, source, cell)
+            recorded += checked.duration_s
+            runs.append(Run(f"{len(cells):04d}-{seed:010d}", len(cells), scenario, seed, changes))
+        cells.append({"scenario": Path(scenario).name.split(".")[0]} | cell)
+    return Plan(campaign, tuple(cells), tuple(runs), recorded)
+
+
+def _check(scenario: str, changes: Mapping[str, Any], source: str, cell: Mapping[str, Any]) -> Configuration:
+    try:
+        return load_configuration(scenario, changes)
+    except SettingsError as error:
+        where = ", ".join(f"{name} = {value!r}" for name, value in cell.items())
+        raise SettingsError(f"{source}: run {scenario}{' with ' + where if where else ''}: {error}") from None
+
+
+def _scenario(name: str, folder: Path) -> str:
+    """A file's absolute path, or a built-in name as it is."""
+    path = folder / name
+    return str(path.resolve()) if Path(name).suffix and path.is_file() else name
+
+
+def _drawn(campaign: Campaign, seed: int) -> dict[str, Any]:
+    return {name: draw.value(generator(seed, name, "campaign")) for name, draw in campaign.random.items()}
+
+
+def _put(changes: dict[str, Any], name: str, value: Any, source: str) -> None:
+    """Set a.b.c in a nested mapping. `condition` and `condition.preset` are the same."""
+    *path, last = name.split(".")
+    if name == "condition" and isinstance(value, str):
+        path, last = ["condition"], "preset"
+    here = changes
+    for part in path:
+        here = here.setdefault(part, {})
+        if not isinstance(here, dict):
+            raise SettingsError(f"{source}: {name}: '{part}' has a value of its own already")
+    here[last] = list(value) if isinstance(value, tuple) else value

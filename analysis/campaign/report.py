@@ -1,0 +1,166 @@
+"""The report of a campaign: CSV files from the runs' counts, whatever order they were run in."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+from analysis.campaign.store import Store
+from analysis.campaign.tally import COUNTS, Tally, add, distribution, quantile, root_mean_square
+from analysis.metrics import ERRORS
+from analysis.statistics import per_100_km, poisson_interval
+from plugin.tracking.classification import NAMES
+from plugin.truth import HORIZONS_S
+from sumo_net.settings import SettingsError
+
+RATES = (
+    "departures",
+    "departures_missed",
+    "warnings_true",
+    "warnings_nuisance",
+    "warnings_false",
+    "conflicts",
+    "conflicts_critical",
+    "fcw_reminder_false",
+    "fcw_danger_false",
+    "fcw_danger_nuisance",
+)
+SHARES = {
+    "departures_warned": "departures",
+    "conflicts_due_warned": "conflicts_due",
+    "recognised": "judged",
+    "paper_recognised": "paper_judged",
+}
+TIMES = ("true_tlc", "true_ttc", "ldw_lead_time", "conflict_lead_time", "conflict_min_ttc")
+_STEPS_PER_H = 36_000
+_RESAMPLES = 2000
+
+
+def write_report(out: Any) -> dict[str, pd.DataFrame]:
+    """Write the report of the campaign in `out` and give its tables by name. Raises SettingsError."""
+    store = Store(out)
+    plan = store.read("plan.json")
+    if plan is None:
+        raise SettingsError(f"{store.address}: holds no campaign")
+    cells: dict[int, Tally] = {}
+    per_run: list[dict[str, Any]] = []
+    for summary in store.summaries():
+        counts = summary["counts"]
+        add(cells.setdefault(summary["cell"], {}), counts)
+        names = ("distance_mm", "vehicle_steps", "vehicles", *COUNTS, "judged", "recognised")
+        row = {"run": summary["key"], "cell": summary["cell"], "seed": summary["seed"]}
+        per_run.append(row | {name: counts.get(name, 0) for name in names})
+    runs = pd.DataFrame(per_run)
+    whole: Tally = {}
+    for total in cells.values():
+        add(whole, total)
+    groups: list[tuple[dict[str, Any], Tally, pd.DataFrame]] = []
+    if len(runs):
+        groups.append(({"cell": "all"}, whole, runs))
+        for number in sorted(cells):
+            values = {name: str(value) for name, value in plan["cells"][number].items()}
+            groups.append(({"cell": number} | values, cells[number], runs[runs["cell"] == number]))
+    failures = [{"run": key} | cause for key, cause in store.failures().items()]
+
+    def table(rows: Callable[[Tally], Iterable[dict[str, Any]]]) -> pd.DataFrame:
+        return pd.DataFrame([label | row for label, total, _ in groups for row in rows(total)])
+
+    tables = {
+        "rates": pd.DataFrame([label | row for label, total, part in groups for row in _rates(total, part)]),
+        "shares": table(_shares),
+        "accuracy": table(_accuracy),
+        "predictions": table(_predictions),
+        "times": table(_times),
+        "classes": table(_classes),
+        "runs": runs,
+        "failures": pd.DataFrame(failures, columns=["run", "cause", "attempts"]),
+    }
+    for name, frame in tables.items():
+        text = frame.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+        store.write_text(f"{name}.csv", text)
+    return tables
+
+
+def _rates(total: Mapping[str, int], runs: pd.DataFrame) -> Iterable[dict[str, Any]]:
+    """Events per 100 km and hour, with the exact Poisson interval and the bootstrap's by run."""
+    km, hours = total.get("distance_mm", 0) / 1e6, total.get("vehicle_steps", 0) / _STEPS_PER_H
+    for name in RATES:
+        count = total.get(name, 0)
+        low, high = poisson_interval(count)
+        boot_low, boot_high = _bootstrap(runs[name].to_numpy(), runs["distance_mm"].to_numpy())
+        yield {
+            "figure": name,
+            "runs": len(runs),
+            "distance_km": km,
+            "vehicle_hours": hours,
+            "count": count,
+            "per_100km": per_100_km(count, km),
+            "per_100km_poisson_low": per_100_km(low, km),
+            "per_100km_poisson_high": per_100_km(high, km),
+            "per_100km_bootstrap_low": boot_low,
+            "per_100km_bootstrap_high": boot_high,
+            "per_hour": count / hours if hours else math.nan,
+        }
+
+
+def _bootstrap(count: Any, distance_mm: Any) -> tuple[float, float]:
+    """95 % interval of a rate per 100 km by drawing runs; NaN for fewer than two."""
+    if len(count) < 2 or not distance_mm.sum():
+        return math.nan, math.nan
+    draw = np.random.default_rng(0)
+    rates = np.empty(_RESAMPLES)
+    for k in range(_RESAMPLES):  # one at a time: memory does not grow with the number of runs
+        chosen = draw.integers(len(count), size=len(count))
+        rates[k] = 1e8 * count[chosen].sum() / max(distance_mm[chosen].sum(), 1)
+    low, high = np.quantile(rates, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _shares(total: Mapping[str, int]) -> Iterable[dict[str, Any]]:
+    """Shares with Wilson's interval."""
+    for name, of in SHARES.items():
+        count, number = total.get(name, 0), total.get(of, 0)
+        row: dict[str, Any] = {"figure": name, "of": of, "count": count, "number": number}
+        if number:
+            interval = binomtest(count, number).proportion_ci(0.95, "wilson")
+            row |= {"share": count / number, "low": interval.low, "high": interval.high}
+        yield row
+
+
+def _accuracy(total: Mapping[str, int]) -> Iterable[dict[str, Any]]:
+    row: dict[str, Any] = {
+        f"rms_{name}": root_mean_square(total, name)
+        for name in ("lateral_offset_m", "heading_error_rad", "curvature_1pm")
+    }
+    for name in ("tlc_error", "tlc_true_state_error", "ttc_error"):
+        row |= {f"{name}_median_s": quantile(total, name, 0.5), f"{name}_p95_s": quantile(total, name, 0.95)}
+    yield row
+
+
+def _predictions(total: Mapping[str, int]) -> Iterable[dict[str, Any]]:
+    for horizon in HORIZONS_S:
+        for label in ERRORS:
+            name = f"{label}_{horizon:.1f}s"
+            yield {
+                "horizon_s": horizon,
+                "predictor": label,
+                "count": sum(count for _, count in distribution(total, name)),
+                "median_m": quantile(total, name, 0.5),
+                "p95_m": quantile(total, name, 0.95),
+            }
+
+
+def _times(total: Mapping[str, int]) -> Iterable[dict[str, Any]]:
+    for name in TIMES:
+        for edge, count in distribution(total, name):
+            yield {"figure": name, "up_to_s": edge, "count": count}
+
+
+def _classes(total: Mapping[str, int]) -> Iterable[dict[str, Any]]:
+    for true in NAMES:
+        counts = {given: total.get(f"class {true} as {given}", 0) for given in NAMES}
+        if any(counts.values()):
+            yield {"true": true} | {f"as_{given}": count for given, count in counts.items()}

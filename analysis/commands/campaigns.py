@@ -1,0 +1,68 @@
+"""Commands on many runs: `batch`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from analysis.commands.common import errors, plain_errors
+
+
+def batch(
+    campaign: Annotated[Path, typer.Argument(help="The campaign's file.", metavar="CAMPAIGN.toml")],
+    out: Annotated[
+        str, typer.Option("--out", help="Directory, or any fsspec address.", metavar="DIR")
+    ] = "out/campaign",
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, metavar="N", help="Runs at once; else one a core.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="An existing Dask scheduler.")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="List the runs and what they will take, run nothing.")
+    ] = False,
+    keep: Annotated[
+        str, typer.Option("--keep", metavar="TABLES", help="Tables to keep of every run, as steps,tracks.")
+    ] = "",
+    compare_paper: Annotated[
+        bool, typer.Option("--compare-paper", help="Also judge the published search on every frame.")
+    ] = False,
+) -> None:
+    """Run a campaign, or what is missing of it, and write its report."""
+    from analysis.campaign import cost, engine, plan
+    from analysis.campaign.progress import shown
+    from analysis.campaign.report import write_report
+
+    with plain_errors():
+        runs = plan.load(campaign, keep=tuple(name for name in keep.split(",") if name))
+        if dry_run:
+            for one in runs.runs:
+                typer.echo(f"{one.key}  {Path(one.scenario).name}  {plan.in_words(one)}")
+            typer.echo(cost.estimate(runs, workers))
+            return
+        try:
+            with shown() as tell:
+                failures = engine.run(
+                    runs,
+                    out,
+                    workers=workers,
+                    scheduler=scheduler,
+                    compare_paper=compare_paper,
+                    tell=tell,
+                )
+        except KeyboardInterrupt:
+            errors.print(f"interrupted: the runs so far are in {out}; the same command goes on from there")
+            raise typer.Exit(130) from None
+        tables = write_report(out)
+        rates = tables["rates"]
+        if len(rates):
+            whole = rates[rates["cell"] == "all"]
+            columns = ["figure", "count", "per_100km", "per_100km_poisson_low", "per_100km_poisson_high"]
+            typer.echo(f"{len(tables['runs'])} runs, {whole['distance_km'].iloc[0]:.1f} km")
+            typer.echo(whole[columns].to_string(index=False, float_format=lambda value: f"{value:.2f}"))
+        typer.echo(f"Report: {out}")
+        for key, failure in failures.items():
+            errors.print(f"failed: {key} ({failure.get('attempts')} attempts): {failure.get('cause')}")
+        if failures:
+            raise typer.Exit(1)

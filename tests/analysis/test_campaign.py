@@ -1,0 +1,204 @@
+"""Campaigns: checked whole before they run, nothing lost, the same report whatever happens on the way."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analysis.campaign import tally as counting
+from analysis.campaign.plan import Campaign, Draw, Seeds, in_words, load, plan
+from analysis.campaign.report import write_report
+from analysis.campaign.store import Store
+from analysis.cli import main
+from sumo_net.settings import SettingsError
+
+COMMAND = [sys.executable, "-c", "from analysis.cli import main; main()", "batch"]
+SMALL = """title = "Small"
+scenarios = ["straight"]
+seeds = [3, 4]
+duration_s = 3.0
+settings = { "equipment.fraction" = 0.05, warm_up_s = 1.0 }
+grid = { condition = ["clear", "night"] }
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "campaign.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_a_plan_is_every_cell_with_every_seed() -> None:
+    made = plan(
+        Campaign(
+            scenarios=("straight", "curves"),
+            seeds=Seeds(first=5, count=3),
+            grid={"condition": ("clear", "complex"), "departure.threshold_s": (0.8, 1.2)},
+            random={"driver.distraction_per_min": Draw(low=0.5, high=3.0)},
+        )
+    )
+    assert (len(made.cells), len(made.runs)) == (8, 24)
+    assert len({run.key for run in made.runs}) == 24
+    drawn = {run.seed: set() for run in made.runs}
+    for run in made.runs:
+        drawn[run.seed].add(run.changes["driver"]["distraction_per_min"])
+    assert all(len(values) == 1 for values in drawn.values())  # the same for one seed in all cells
+    assert len(set.union(*drawn.values())) == 3
+    assert "departure.threshold_s = 0.8" in in_words(made.runs[0])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("seeds = [1]\ngrid = { condition = [] }", "name at least one value"),
+        ("seeds = [1, 2, 1]", "given twice"),
+        ("seeds = []", "name at least one"),
+        ('seeds = [1]\nsettings = { "departure.treshold_s" = 1.0 }', "threshold_s"),
+        ('seeds = [1]\ngrid = { "departure.threshold_s" = [1.0, -1.0] }', "threshold_s"),
+        ('seeds = [1]\nscenarios = ["hihgway"]', "highway"),
+        ('seeds = [1]\nkeep = ["step"]', "steps"),
+        ("seeds = [1]\ngrid = { seed = [1, 2] }", "seed"),
+        ("seeds = [1]\nworker = 3", "worker"),
+        ('seeds = [1]\nrandom = { warm_up_s = { distribution = "uniform" } }', "low and high"),
+    ],
+)
+def test_what_is_wrong_is_said_before_anything_runs(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(SettingsError, match=words):
+        load(written(tmp_path, text))
+
+
+def test_a_dry_run_lists_the_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as done:
+        main(["batch", str(written(tmp_path, SMALL)), "--out", str(tmp_path / "out"), "--dry-run"])
+    assert done.value.code in (0, None)
+    said = capsys.readouterr().out
+    assert said.count("condition.preset = night") == 2
+    assert "4 runs in 2 cells" in said
+    assert not (tmp_path / "out").exists()
+
+
+@given(st.lists(st.dictionaries(st.sampled_from("abcdef"), st.integers(0, 1000)), max_size=8), st.randoms())
+def test_counts_add_up_in_any_order(parts: list[dict[str, int]], random: object) -> None:
+    one, other = {}, {}
+    for part in parts:
+        counting.add(one, part)
+    random.shuffle(parts)  # type: ignore[attr-defined]
+    for part in parts:
+        counting.add(other, part)
+    assert (
+        one
+        == other
+        == dict(sum((Counter(part) for part in parts), Counter())) | {k: 0 for k in one if not one[k]}
+    )
+
+
+@given(st.lists(st.floats(1e-3, 10.0), min_size=1, max_size=200), st.sampled_from([0.05, 0.5, 0.95]))
+def test_quantiles_of_bins_are_those_of_the_values(values: list[float], q: float) -> None:
+    counts = counting._errors("e", pd.Series(values))
+    exact = np.quantile(values, q, method="inverted_cdf")
+    assert exact <= counting.quantile(counts, "e", q) * (1 + 1e-5)
+    assert counting.quantile(counts, "e", q) <= exact * 10.0 ** (1 / counting.PER_DECADE) * (1 + 1e-5)
+
+
+def test_unknown_errors_count_as_infinite_and_missing_ones_not_at_all() -> None:
+    counts = counting._errors("e", pd.Series([0.1, np.inf, np.nan]))
+    assert sum(counts.values()) == 2
+    assert counting.quantile(counts, "e", 1.0) == np.inf
+
+
+def test_a_directory_belongs_to_one_campaign(tmp_path: Path) -> None:
+    store = Store(tmp_path / "out")
+    store.claim("A", "1" * 64, 3)
+    store.claim("A", "1" * 64, 3)
+    with pytest.raises(SettingsError, match="another campaign"):
+        store.claim("B", "2" * 64, 3)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").touch()
+    with pytest.raises(SettingsError, match="not empty"):
+        Store(tmp_path / "mine").claim("A", "1" * 64, 3)
+
+
+@pytest.mark.parametrize("address", ["file", "memory"])
+def test_a_run_is_there_whole_or_not_at_all(tmp_path: Path, address: str) -> None:
+    store = Store(f"memory://{tmp_path.name}" if address == "memory" else tmp_path / "out")
+    store.claim("A", "1" * 64, 2)
+    place = tmp_path / "run"
+    place.mkdir()
+    (place / "summary.json").write_text('{"key": "k"}')
+    (place / "steps.parquet").write_bytes(b"x")
+    store.put("0000-1", place)
+    store.put("0000-1", place)  # twice does no harm
+    assert store.done() == {"0000-1"}
+    assert [summary["key"] for summary in store.summaries()] == ["k"]
+    store.fail("0000-2", "why", 2)
+    assert store.failures()["0000-2"]["cause"] == "why"
+    store.put("0000-2", place)
+    assert store.failures() == {}
+
+
+def batch(file: Path, out: Path, *more: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*COMMAND, str(file), "--out", str(out), "--workers", "2", *more],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def test_killed_and_resumed_it_gives_the_same_report_byte_for_byte(tmp_path: Path) -> None:
+    file = written(tmp_path, SMALL)
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    first = batch(file, broken)
+    begin = time.monotonic()
+    while not list(broken.glob("runs/*/summary.json")) and time.monotonic() - begin < 120:
+        time.sleep(0.2)
+    os.killpg(first.pid, signal.SIGKILL)
+    first.communicate()
+    assert len(list(broken.glob("runs/*/summary.json"))) < 4
+    for out, more in ((broken, ["--workers", "1"]), (whole, ["--keep", ""])):
+        done = batch(file, out, *more)
+        _, words = done.communicate(timeout=240)
+        assert done.returncode == 0, words
+    names = sorted(path.name for path in whole.glob("*.csv"))
+    assert "rates.csv" in names
+    for name in names:
+        assert (broken / name).read_bytes() == (whole / name).read_bytes(), name
+    tables = write_report(whole)
+    assert tables["runs"]["run"].tolist() == [f"{c:04d}-{s:010d}" for c in (0, 1) for s in (3, 4)]
+    counted = json.loads((whole / "runs" / "0000-0000000003" / "summary.json").read_text())["counts"]
+    assert counted["vehicle_steps"] > 0
+
+
+def test_a_run_that_fails_is_recorded_and_stops_no_other(tmp_path: Path) -> None:
+    net = tmp_path / "broken.sumocfg"
+    net.write_text("<configuration><input><net-file value='missing.net.xml'/></input></configuration>")
+    good = SMALL.replace('["straight"]', '["straight", "broken.sumocfg"]').replace("[3, 4]", "[3]")
+    text = good.replace('grid = { condition = ["clear", "night"] }', "retries = 1")
+    done = batch(written(tmp_path, text), tmp_path / "out")
+    said, words = done.communicate(timeout=240)
+    assert done.returncode == 1
+    assert "0001-0000000003 (2 attempts)" in words
+    failures = pd.read_csv(tmp_path / "out" / "failures.csv")
+    assert failures["run"].tolist() == ["0001-0000000003"]
+    assert "missing.net.xml" in failures["cause"].iloc[0]
+    assert "1 runs" in said
+
+
+def test_an_unreachable_scheduler_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
+    done = batch(written(tmp_path, SMALL), tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9")
+    _, words = done.communicate(timeout=60)
+    assert done.returncode == 2
+    assert words.strip().count("\n") == 0
+    assert "no scheduler answers" in words
+    assert not (tmp_path / "out").exists()
