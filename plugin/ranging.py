@@ -26,7 +26,7 @@ from sumo_net.surroundings import Objects
 Array = np.ndarray[Any, Any]
 
 STEP_S = 0.1
-_LATELY_S = 0.5
+_LATELY_S = 0.25  # those just passed coast into the lane
 _MOVING_MPS = 5.0  # a track too young for a class
 
 

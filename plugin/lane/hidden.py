@@ -16,11 +16,11 @@ from sumo_net.compile import kernel
 Array = np.ndarray[Any, Any]
 
 BODIES = 8  # of each vehicle, the nearest
-NEAREST_M, FURTHEST_M, ASIDE_M = 3.0, 100.0, 9.0
+NEAREST_M, FURTHEST_M, ASIDE_M = 5.0, 100.0, 9.0
 BODY_WIDTH_M, BODY_LENGTH_M = 2.3, 6.0
 MARGIN_M, MARGIN_PX = 0.25, 2.0
 FOOT, FIRST, LAST, POINT, SCALE, FAR, COLUMNS = range(7)  # of a body's row in `hidden`
-STRIP_M, STRIP_DARK = 0.2, 0.65  # height of the strip's middle, and its grey over the road's at most
+STRIP_M, STRIP_DARK = 0.35, 0.65  # height of the strip, and its grey over the road's at most
 STRIP_FROM_M, STRIP_NARROW_M, STRIP_WIDE_M = 0.8, 1.0, 3.4  # how far from the point it begins; its width
 ROAD_NEARER_M = 3.0  # so much nearer the road's grey is read
 STRAIGHT_AHEAD_M, WELL_ASIDE_M = 0.4, 2.2
@@ -99,18 +99,25 @@ def outline(frame, hidden, p):  # type: ignore[no-untyped-def]
             break
         distance = p.height * p.focal_y / max(vanishing_y - foot, 1.0)
         nearer = vanishing_y - (vanishing_y - foot) * distance / max(distance - ROAD_NEARER_M, 1.0)
-        row, below = height - 1 - round(foot + STRIP_M * scale), height - 1 - round(max(nearer, 0.0))
+        below = height - 1 - round(max(nearer, 0.0))
         low, high = max(round(point - scale), 0), min(round(point + scale), width - 1)
-        if 1 <= row < height and below < height and high - low >= 2:
+        if below < height and high - low >= 2:
             road = 0.0
             for c in range(low, high + 1):
                 road += frame[below, c]
             dark = STRIP_DARK * road / (high - low + 1)
-            first, last = _strip(frame, row, point, STRIP_FROM_M * scale, dark)
-            cut = first <= 1 or last >= width - 2  # goes on beside the image
-            if STRIP_NARROW_M * scale <= last - first + 1 <= STRIP_WIDE_M * scale or (
-                cut and last > first + 1
-            ):
+            widest, first, last = 0, 0, -1
+            # the foot is known to a pixel or two only
+            for up in range(round(foot) - 1, round(foot + STRIP_M * scale) + 2):
+                row = height - 1 - up
+                if 0 <= row < height:
+                    one, other = _strip(frame, row, point, STRIP_FROM_M * scale, dark)
+                    cut = one <= 1 or other >= width - 2  # goes on beside the image
+                    wide = (other - one + 1) / scale
+                    fits = STRIP_NARROW_M <= wide <= STRIP_WIDE_M or (cut and other > one + 1)
+                    if fits and other - one > widest:
+                        widest, first, last = other - one, one, other
+            if widest > 0:
                 # and the side of the body, up to its front
                 hidden[b, FIRST] = min(first, vanishing_x + (first - vanishing_x) * hidden[b, FAR])
                 hidden[b, LAST] = max(last, vanishing_x + (last - vanishing_x) * hidden[b, FAR])
@@ -132,25 +139,16 @@ def _strip(frame, row, point, reach, dark):  # type: ignore[no-untyped-def]
     width = frame.shape[1]
     start, nearest = -1, math.inf
     for c in range(max(round(point - reach), 0), min(round(point + reach), width - 1) + 1):
-        if _dark_at(frame, row, c, dark) and abs(c - point) < nearest:
+        if frame[row, c] < dark and abs(c - point) < nearest:
             start, nearest = c, abs(c - point)
     if start < 0:
         return 0, -1
     first, last = start, start
-    while first > 0 and (
-        _dark_at(frame, row, first - 1, dark) or _dark_at(frame, row, max(first - 2, 0), dark)
-    ):
+    while first > 0 and (frame[row, first - 1] < dark or frame[row, max(first - 2, 0)] < dark):
         first -= 1
-    while last < width - 1 and (
-        _dark_at(frame, row, last + 1, dark) or _dark_at(frame, row, min(last + 2, width - 1), dark)
-    ):
+    while last < width - 1 and (frame[row, last + 1] < dark or frame[row, min(last + 2, width - 1)] < dark):
         last += 1
     return first, last
-
-
-@kernel
-def _dark_at(frame, row, c, dark):  # type: ignore[no-untyped-def]
-    return 0.5 * (float(frame[row, c]) + float(frame[row - 1, c])) < dark
 
 
 @kernel
