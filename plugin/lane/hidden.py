@@ -17,8 +17,8 @@ Array = np.ndarray[Any, Any]
 
 BODIES = 8  # of each vehicle, the nearest
 NEAREST_M, FURTHEST_M, ASIDE_M = 5.0, 100.0, 9.0
-BODY_WIDTH_M, BODY_LENGTH_M = 2.3, 6.0
-MARGIN_M, MARGIN_PX = 0.25, 2.0
+BODY_WIDTH_M, BODY_LENGTH_M = 2.3, 4.5
+MARGIN_M, MARGIN_PX = 0.1, 2.0
 FOOT, FIRST, LAST, POINT, SCALE, FAR, COLUMNS = range(7)  # of a body's row in `hidden`
 STRIP_M, STRIP_DARK = 0.35, 0.65  # height of the strip, and its grey over the road's at most
 STRIP_FROM_M, STRIP_NARROW_M, STRIP_WIDE_M = 0.8, 1.0, 3.4  # how far from the point it begins; its width

@@ -29,6 +29,7 @@ from plugin.lane.road_model import (
 from sumo_net.compile import kernel
 
 SEARCHING, TENTATIVE, LOCKED = 0, 1, 2
+NEXT_LANE_M = 0.9
 REACH_M = FURTHEST_M  # how far the model goes, for settings to check against
 
 
@@ -142,7 +143,9 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
             fresh = start(
                 frames[i], left[i], right[i], False, rows, p, speed[i], t, work, room, room.x, room.P
             )
-            if fresh > 1.3 * support + 4:
+            aside = abs(abs(room.x[OFFSET] - x[OFFSET]) - x[WIDTH])
+            beside = misses == 0 and aside < NEXT_LANE_M  # the same lines, taken for those of the next lane
+            if fresh > 1.3 * support + 4 and not beside:
                 x[:], P[:, :], phase = room.x, room.P, 0.0
                 misses, seen_left, seen_right = 0, True, True
                 if fresh >= t.lock_rows:
