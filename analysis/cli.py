@@ -47,6 +47,7 @@ def about(
 app.command()(simulation.run)
 app.command()(simulation.scenarios)
 app.command()(campaigns.batch)
+app.command()(campaigns.sweep)
 app.command()(recordings.detect)
 app.command()(recordings.calibrate)
 app.command()(recordings.track)

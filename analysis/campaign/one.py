@@ -13,6 +13,8 @@ from plugin.record import read_table
 from sumo_net.settings import SettingsError
 from sumo_net.traffic import TrafficError
 
+EVENTS = ("warnings", "departures", "conflicts")  # small: they are always kept
+
 
 def one(order: dict[str, object], folder: Path) -> None:
     """Run it into `folder`: summary.json, and the tables that are kept."""
@@ -27,7 +29,7 @@ def one(order: dict[str, object], folder: Path) -> None:
     )
     counts = tally({name: read_table(folder, name) for name in TABLES})
     for file in folder.glob("*.parquet"):
-        if file.stem not in order["keep"]:  # type: ignore[operator]
+        if file.stem in TABLES and file.stem not in (*EVENTS, *order["keep"]):  # type: ignore[misc]
             file.unlink()
     summary = {"key": order["key"], "cell": order["cell"], "seed": order["seed"], "counts": counts}
     (folder / "summary.json").write_text(json.dumps(summary, sort_keys=True), encoding="utf-8")

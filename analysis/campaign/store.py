@@ -13,7 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import fsspec
+import pandas as pd
+import pyarrow.parquet
 
+from plugin.record import to_pandas
 from sumo_net.settings import SettingsError
 
 
@@ -103,6 +106,14 @@ class Store:
             summary = self.read(f"runs/{key}/summary.json")
             if summary is not None:
                 yield summary
+
+    def table(self, key: str, name: str) -> pd.DataFrame | None:
+        """A table that was kept of a run."""
+        path = f"{self._root}/runs/{key}/{name}.parquet"
+        if not self._fs.exists(path):
+            return None
+        with self._fs.open(path, "rb") as file:
+            return to_pandas(pyarrow.parquet.read_table(file))
 
     def read(self, name: str) -> Any:
         """A JSON file of the directory, None where there is none."""

@@ -1,11 +1,36 @@
-"""Commands on many runs: `batch`."""
+"""Commands on many runs: `batch`, `sweep`."""
 
+import enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from analysis.commands.common import errors, plain_errors
+
+
+class Kind(enum.StrEnum):
+    """Which warning."""
+
+    LDW = "ldw"
+    FCW = "fcw"
+
+
+def sweep(
+    directory: Annotated[str, typer.Argument(help="Of a campaign that kept steps.", metavar="DIR")],
+    kind: Annotated[Kind, typer.Option("--kind", help="Lane departure, or forward collision.")] = Kind.LDW,
+    threshold: Annotated[
+        str, typer.Option("--threshold", metavar="FROM:TO:STEP", help="Seconds.")
+    ] = "0.2:2.0:0.1",
+) -> None:
+    """Judge other warning thresholds on the stored times to crossing or collision: hits, misses, false."""
+    from analysis.campaign.sweep import sweep as judge
+    from analysis.campaign.sweep import thresholds
+
+    with plain_errors():
+        table = judge(directory, kind.value, thresholds(threshold))
+        typer.echo(table.to_string(index=False, float_format=lambda value: f"{value:.3f}"))
+        typer.echo(f"Table: {directory}/sweep_{kind.value}.csv")
 
 
 def batch(

@@ -19,6 +19,7 @@ from analysis.campaign import tally as counting
 from analysis.campaign.plan import Campaign, Draw, Seeds, in_words, load, plan
 from analysis.campaign.report import write_report
 from analysis.campaign.store import Store
+from analysis.campaign.sweep import _judge_collision, _judge_lane, thresholds
 from analysis.cli import main
 from sumo_net.settings import SettingsError
 
@@ -144,6 +145,60 @@ def test_a_run_is_there_whole_or_not_at_all(tmp_path: Path, address: str) -> Non
     assert store.failures()["0000-2"]["cause"] == "why"
     store.put("0000-2", place)
     assert store.failures() == {}
+
+
+def test_thresholds_include_both_ends_and_say_what_is_wrong() -> None:
+    assert thresholds("0.2:0.5:0.1") == [0.2, 0.3, 0.4, 0.5]
+    for text in ("1", "2:1:0.1", "0:1:0.1", "1:2:0", "a:b:c", "0.1:2:0.0001"):
+        with pytest.raises(SettingsError, match="--threshold"):
+            thresholds(text)
+
+
+def drifting(tlc: list[float], side: str = "left", cause: str = "distraction") -> pd.DataFrame:
+    n = len(tlc)
+    return pd.DataFrame(
+        {
+            "vehicle_id": "a",
+            "time_s": np.round(10.0 + 0.1 * np.arange(n), 1),
+            "speed_mps": 25.0,
+            "tlc_s": tlc,
+            "tlc_side": side,
+            "true_cause": cause,
+            "true_heading_error_rad": 0.01,
+            "true_lateral_speed_mps": 0.0,
+            "fcw_ttc_s": tlc,
+            "true_ttc_s": tlc,
+        }
+    )
+
+
+def test_a_sweep_finds_the_lead_that_a_threshold_gives() -> None:
+    """Time to crossing falls by 0.1 s a step: the warning comes as long before as the threshold says."""
+    tlc = [3.0 - 0.1 * k for k in range(31)]
+    crossing = {"vehicle_id": "a", "side": "left", "crossing_s": 13.0, "cause": "distraction"}
+    departures = pd.DataFrame([crossing])
+    for threshold in (0.5, 1.0, 2.0):
+        counts, leads = _judge_lane(drifting(tlc), departures, threshold)
+        assert counts == [1, 1, 0, 0]
+        assert leads == pytest.approx([threshold], abs=0.051)
+    counts, leads = _judge_lane(drifting(tlc, side="right"), departures, 1.0)
+    assert (counts[:2], leads) == ([1, 0], [])
+    counts, _ = _judge_lane(drifting(tlc), departures.iloc[:0], 1.0)
+    assert counts == [0, 0, 0, 1]  # a drift that the driver corrected
+    counts, _ = _judge_lane(drifting(tlc, cause="lane_change_signalled"), departures.iloc[:0], 1.0)
+    assert counts == [0, 0, 0, 0]
+    counts, _ = _judge_lane(drifting([3.0, 3.0, 0.4, 3.0, 3.0]), departures.iloc[:0], 1.0)
+    assert counts == [0, 0, 0, 0]  # a look that stands alone
+
+
+def test_a_sweep_of_collision_warnings_counts_due_conflicts() -> None:
+    ttc = [5.0 - 0.1 * k for k in range(40)]
+    conflict = {"vehicle_id": "a", "start_s": 12.0, "end_s": 13.9, "critical_s": 13.1, "visible_s": 3.0}
+    counts, leads = _judge_collision(drifting(ttc), pd.DataFrame([conflict]), 3.0)
+    assert counts == [1, 1, 0, 0]
+    assert leads == pytest.approx([1.1], abs=0.051)
+    counts, leads = _judge_collision(drifting(ttc), pd.DataFrame([conflict]), 1.5)
+    assert (counts[:2], leads) == ([1, 0], [])
 
 
 def batch(file: Path, out: Path, *more: str) -> subprocess.Popen[str]:

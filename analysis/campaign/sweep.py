@@ -1,0 +1,153 @@
+"""Warning thresholds without simulating again: the stored times to crossing or collision, judged anew.
+
+A warning begins when the time falls to the threshold, having been near it one step before, and ends
+`HYSTERESIS_S` above it, as in the run. What the run's own warning adds (the placement zone, one warning an
+approach) is left out, so that the threshold alone is compared. True events are matched as in the run.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import pandas as pd
+
+from analysis.campaign.store import Store
+from analysis.statistics import per_100_km
+from plugin.events import SIDE_NAMES, Departure, EventBook, LaneWarning, Matching
+from sumo_net.driver import CAUSES
+from sumo_net.settings import SettingsError
+
+HYSTERESIS_S, CONFIRM_S = 0.5, 0.4
+LEAST_SPEED_MPS = {"ldw": 11.1, "fcw": 2.8}
+NEEDED = {"ldw": ("steps", "departures"), "fcw": ("steps", "conflicts")}
+_EARLY_S, _AFTER_S = 4.0, 1.0  # a conflict so long after a warning's start, or its end, makes it true
+_APPROACH_TTC_S = 10.0  # a true time to collision that makes a warning without a conflict a nuisance
+_SIDES = {name: side for side, name in SIDE_NAMES.items()}
+
+
+def thresholds(text: str) -> list[float]:
+    """FROM:TO:STEP, both ends included. Raises SettingsError."""
+    try:
+        first, last, step = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise SettingsError(f"--threshold {text}: must be FROM:TO:STEP, as in 0.2:2.0:0.05") from None
+    if not (0.0 < first <= last and step > 0.0 and (last - first) / step < 1000):
+        raise SettingsError(f"--threshold {text}: must rise from above 0 in at most 1000 steps")
+    return [round(first + k * step, 6) for k in range(int((last - first) / step + 1e-9) + 1)]
+
+
+def sweep(out: str, kind: str, values: Iterable[float]) -> pd.DataFrame:
+    """The ROC table of a campaign that kept `steps`: a row a threshold. Also written as sweep_KIND.csv."""
+    store, values = Store(out), list(values)
+    total = np.zeros((len(values), 4), np.int64)  # events, hits, false, nuisance
+    leads: list[list[float]] = [[] for _ in values]
+    km, runs = 0.0, 0
+    for key in sorted(store.done()):
+        steps, events = (store.table(key, name) for name in NEEDED[kind])
+        if steps is None or events is None:
+            raise SettingsError(f"{out}: run {key} has no table steps: run the campaign with --keep steps")
+        km += float(steps["speed_mps"].sum()) * 1e-4
+        runs += 1
+        judge = _judge_lane if kind == "ldw" else _judge_collision
+        for k, value in enumerate(values):
+            counts, lead = judge(steps, events, value)
+            total[k] += counts
+            leads[k] += lead
+    if not runs:
+        raise SettingsError(f"{out}: holds no run")
+    table = pd.DataFrame(
+        {
+            "threshold_s": values,
+            "events": total[:, 0],
+            "hits": total[:, 1],
+            "misses": total[:, 0] - total[:, 1],
+            "hit_rate": total[:, 1] / np.maximum(total[:, 0], 1),
+            "false": total[:, 2],
+            "nuisance": total[:, 3],
+            "false_per_100km": [per_100_km(int(n), km) for n in total[:, 2]],
+            "nuisance_per_100km": [per_100_km(int(n), km) for n in total[:, 3]],
+            "median_lead_s": [float(np.median(lead)) if lead else float("nan") for lead in leads],
+        }
+    )
+    store.write_text(f"sweep_{kind}.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    return table
+
+
+def _spells(time: pd.Series, value: pd.Series, threshold: float) -> Iterator[tuple[int, int]]:
+    """(first, last) row of each warning of one vehicle, whose rows follow one another."""
+    breaks = np.diff(time.to_numpy(), prepend=-np.inf) > 0.15
+    near = (value <= threshold + CONFIRM_S).to_numpy()
+    low = (value <= threshold).to_numpy() & np.r_[False, near[:-1]] & ~breaks
+    high = (value <= threshold + HYSTERESIS_S).to_numpy()
+    start = -1
+    for i in range(len(low)):
+        if start >= 0 and (breaks[i] or not high[i]):
+            yield start, i - 1
+            start = -1
+        if start < 0 and low[i]:
+            start = i
+    if start >= 0:
+        yield start, len(low) - 1
+
+
+def _judge_lane(
+    steps: pd.DataFrame, departures: pd.DataFrame, threshold: float
+) -> tuple[list[int], list[float]]:
+    book, number = EventBook(Matching()), itertools.count()
+    handles: dict[str, int] = {}
+    drift = steps["speed_mps"] * np.sin(steps["true_heading_error_rad"])
+    drift += steps["true_lateral_speed_mps"] * np.cos(steps["true_heading_error_rad"])
+    usable = (steps["speed_mps"] >= LEAST_SPEED_MPS["ldw"]) & (steps["true_cause"] != "lane_change_signalled")
+    for vehicle, rows in steps.assign(drift=drift, usable=usable).groupby("vehicle_id", observed=True):
+        handle = handles.setdefault(str(vehicle), next(number))
+        for name, side in _SIDES.items():
+            value = rows["tlc_s"].where((rows["tlc_side"] == name) & rows["usable"])
+            for first, last in _spells(rows["time_s"], value, threshold):
+                near = slice(max(first - 5, 0), first + 6)
+                book.warnings.append(
+                    LaneWarning(
+                        handle,
+                        side,
+                        float(rows["time_s"].iloc[first]),
+                        float(value.iloc[first]),
+                        margin_m=float("nan"),
+                        drift_mps=float((side * rows["drift"].iloc[near]).max()),
+                        end_s=float(rows["time_s"].iloc[last]),
+                    )
+                )
+    for row in departures.itertuples():
+        handle = handles.setdefault(str(row.vehicle_id), next(number))
+        cause = CAUSES.index(str(row.cause))
+        book.departures.append(
+            Departure(handle, _SIDES[str(row.side)], float(row.crossing_s), cause, 0.0, 0.0)  # type: ignore[arg-type]
+        )
+    crossings, warnings = book.settle(float("inf"), True)
+    meant = [row for row in crossings if row["warned"] is not None]
+    hits = [float(row["lead_time_s"]) for row in meant if row["warned"]]  # type: ignore[arg-type]
+    outcomes = [row["outcome"] for row in warnings]
+    return [len(meant), len(hits), outcomes.count("false"), outcomes.count("nuisance")], hits
+
+
+def _judge_collision(
+    steps: pd.DataFrame, conflicts: pd.DataFrame, threshold: float
+) -> tuple[list[int], list[float]]:
+    counts, leads = [0, 0, 0, 0], []
+    decisive = conflicts["critical_s"].fillna(conflicts["end_s"])
+    due = conflicts.assign(decisive=decisive)[conflicts["visible_s"] >= 1.0]
+    counts[0] = len(due)
+    usable = steps["speed_mps"] >= LEAST_SPEED_MPS["fcw"]
+    for vehicle, rows in steps.assign(usable=usable).groupby("vehicle_id", observed=True):
+        time, value = rows["time_s"], rows["fcw_ttc_s"].where(rows["usable"])
+        spells = [(float(time.iloc[a]), float(time.iloc[b]), a) for a, b in _spells(time, value, threshold)]
+        mine = conflicts[conflicts["vehicle_id"] == vehicle]
+        for start, end, a in spells:
+            reach = max(start + _EARLY_S, end + _AFTER_S)
+            if not ((mine["start_s"] <= reach) & (mine["end_s"] >= start - _AFTER_S)).any():
+                near = rows["true_ttc_s"].iloc[a] < _APPROACH_TTC_S
+                counts[3 if near else 2] += 1
+        for moment in due.loc[due["vehicle_id"] == vehicle, "decisive"]:
+            before = [s for s, e, _ in spells if s <= moment <= max(s + _EARLY_S, e + _AFTER_S)]
+            if before:
+                counts[1] += 1
+                leads.append(float(moment) - max(before))
+    return counts, leads
