@@ -14,6 +14,7 @@ from plugin.ground_truth import curvature_ahead, margins, true_motion
 from plugin.motion import observer, prediction
 from plugin.motion.estimate import MotionEstimate, Trajectory
 from plugin.ranging import Ranging, RangingState, bodies_ahead
+from plugin.reaction import Listeners
 from plugin.record import Recorder
 from plugin.truth import HORIZONS_S, STEP_S, Scorer
 from plugin.vision import Scene, Sight, Vision, VisionState
@@ -91,6 +92,8 @@ class DriverAssistance:
         self.recorder = Recorder(run_id, out, formats)
         self._rear_end = rear_end.RearEndScorer(self.recorder, traffic, self._roads, configuration)
         self._names: dict[int, str] = {}
+        self._listeners = Listeners(configuration.reaction, seed, traffic.vehicle_id)
+        self._alerted = np.zeros(0, np.int64)  # handles of those who hear a lane-departure warning and listen
         labels = {"lane_id": traffic.lane_ids, "tlc_side": ("left", "right"), "ldw_state": departure.CODES}
         labels |= rear_end.LABELS
         self._scorer = Scorer(self.recorder, self._names, labels, configuration.matching)
@@ -151,7 +154,7 @@ class DriverAssistance:
         """Work through the 0.1 s that SUMO has just simulated."""
         snapshot = self._traffic.snapshot()
         equipped = self._find_equipped(snapshot)
-        truth = self._ego.step(snapshot, equipped)
+        truth = self._ego.step(snapshot, equipped, self._alerted)
         self._incidents.step(snapshot)
         self._steps += 1
         self._end_s = self._traffic.time_s
@@ -252,6 +255,9 @@ class DriverAssistance:
         bodies = bodies_ahead(echo.tracks, self._tracked.tracks.unseen_s, truth.speed_mps, truth.yaw_rate_rps)
         vision = self._vision.told(vision, bodies)
         self._state = FleetState(truth.handle, vision, observing, warning_state, ranging)
+        self._alerted = self._listeners.of(truth.handle, warning.side != 0)
+        braking = self._listeners.of(truth.handle, echo.warning.level > 0)
+        self._incidents.look_ahead(braking, configuration.reaction.rear_end_s)
         columns = self._columns(truth, snapshot, ahead, sight, motion, spans)
         columns |= self._warning_columns(crossings, floor, warning)
         columns |= {name: self._points(path) for name, path in paths.items()}

@@ -21,6 +21,7 @@ from plugin.lane.geometry import Plausibility
 from plugin.lane.refine import Refine
 from plugin.motion.observer import ObserverSettings
 from plugin.motion.prediction import PredictionSettings
+from plugin.reaction import Reaction
 from plugin.record import Recording
 from plugin.tracking.tracker import TrackerSettings
 from plugin.warning.collision import Collision
@@ -59,6 +60,7 @@ class Configuration(Scenario):
     conflicts: ConflictSettings = Field(
         default_factory=ConflictSettings, description="which rear-end conflicts count, and their warnings"
     )
+    reaction: Reaction = Field(default_factory=Reaction, description="drivers that heed their warnings")
     recording: Recording = Field(default_factory=Recording)
     matching: Matching = Field(default_factory=Matching, description="of warnings with true crossings")
 

@@ -78,6 +78,14 @@ class IncidentMaker:
         for i, draws in self._chosen(snapshot, fast, "cut-in", self._options.cut_ins_per_h):
             self._cut_in(snapshot, i, draws, time)
 
+    def look_ahead(self, handles: Array, reaction_s: float) -> None:
+        """Drivers of these vehicles who look away look ahead again `reaction_s` from now at the latest."""
+        time = self._traffic.time_s
+        for handle in handles.tolist():
+            if handle in self._away:
+                until, own = self._away[handle]
+                self._away[handle] = min(until, time + reaction_s), own
+
     def _chosen(
         self, snapshot: Snapshot, rows: Array, kind: str, per_h: float
     ) -> Iterator[tuple[int, _Draws]]:

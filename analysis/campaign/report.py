@@ -75,6 +75,7 @@ def write_report(out: Any) -> dict[str, pd.DataFrame]:
         "predictions": table(_predictions),
         "times": table(_times),
         "classes": table(_classes),
+        "benefit": _benefit(plan["cells"], runs) if len(runs) else pd.DataFrame(),
         "runs": runs,
         "failures": pd.DataFrame(failures, columns=["run", "cause", "attempts"]),
     }
@@ -104,6 +105,50 @@ def _rates(total: Mapping[str, int], runs: pd.DataFrame) -> Iterable[dict[str, A
             "per_100km_bootstrap_high": boot_high,
             "per_hour": count / hours if hours else math.nan,
         }
+
+
+def _benefit(cells: list[dict[str, Any]], runs: pd.DataFrame) -> pd.DataFrame:
+    """With against without reacting drivers, paired by seed: cells that differ in `reaction.on` alone."""
+    rows = []
+    numbers = {tuple(sorted((k, str(v)) for k, v in cell.items())): i for i, cell in enumerate(cells)}
+    for number, cell in enumerate(cells):
+        if cell.get("reaction.on") is not False:
+            continue
+        partner = numbers.get(tuple(sorted((k, str(v)) for k, v in (cell | {"reaction.on": True}).items())))
+        if partner is None:
+            continue
+        without = runs[runs["cell"] == number].set_index("seed")
+        with_ = runs[runs["cell"] == partner].set_index("seed")
+        seeds = sorted(set(without.index) & set(with_.index))
+        for name in ("departures", "conflicts", "conflicts_critical"):
+            before = without.loc[seeds, name].to_numpy(np.int64)
+            avoided = before - with_.loc[seeds, name].to_numpy(np.int64)
+            low, high = _bootstrap_mean(avoided)
+            label = {key: str(value) for key, value in cell.items() if key != "reaction.on"}
+            rows.append(
+                label
+                | {
+                    "figure": name,
+                    "pairs": len(seeds),
+                    "without": int(before.sum()),
+                    "avoided": int(avoided.sum()),
+                    "avoided_share": avoided.sum() / before.sum() if before.sum() else math.nan,
+                    "avoided_per_run": avoided.mean() if len(seeds) else math.nan,
+                    "avoided_per_run_low": low,
+                    "avoided_per_run_high": high,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def _bootstrap_mean(values: Any) -> tuple[float, float]:
+    """95 % interval of a mean by drawing pairs; NaN for fewer than two."""
+    if len(values) < 2:
+        return math.nan, math.nan
+    draw = np.random.default_rng(0)
+    means = [values[draw.integers(len(values), size=len(values))].mean() for _ in range(_RESAMPLES)]
+    low, high = np.quantile(means, [0.025, 0.975])
+    return float(low), float(high)
 
 
 def _bootstrap(count: Any, distance_mm: Any) -> tuple[float, float]:

@@ -1,0 +1,43 @@
+"""Drivers that react to their warnings, to see what the warnings are good for."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from sumo_net.randomness import stream_key, uniform
+from sumo_net.settings import settings
+
+Array = np.ndarray[Any, Any]
+
+
+@settings
+class Reaction:
+    """Who reacts. The time that it takes is the driver's own: `driver.reaction_mean_s`, `rear_end_s`."""
+
+    on: bool = Field(False, description="drivers react; without, warnings change nothing in the traffic")
+    compliance: float = Field(0.9, ge=0, le=1, description="share of drivers that react to warnings at all")
+    rear_end_s: float = Field(
+        0.8, gt=0, le=5, description="after a rear-end warning, who looked away looks ahead again"
+    )
+
+
+class Listeners:
+    """Which of the warned vehicles' drivers listen; fixed by the seed and the vehicle's id."""
+
+    def __init__(self, options: Reaction, seed: int, name: Callable[[int], str]) -> None:
+        self._options, self._seed, self._name = options, seed, name
+        self._listens: dict[int, bool] = {}
+
+    def of(self, handle: Array, warned: Array) -> Array:
+        """Handles of the warned (n,) vehicles whose drivers listen."""
+        if not self._options.on:
+            return np.zeros(0, np.int64)
+        return np.array([one for one in handle[warned].tolist() if self._one(one)], np.int64)
+
+    def _one(self, handle: int) -> bool:
+        if handle not in self._listens:
+            key = stream_key(self._seed, self._name(handle), "compliance")
+            self._listens[handle] = bool(uniform(key, 0) < self._options.compliance)
+        return self._listens[handle]
