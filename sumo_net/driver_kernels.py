@@ -71,13 +71,15 @@ def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-d
     """The path under the vehicle has moved: all offsets grow by `shift` m, so lead the line back smoothly.
 
     A deliberate change is SUMO's lane change: it ends any episode, draws whether it is signalled, and has a
-    cause. Otherwise only the reference is led over (two fits of a road differ by centimetres).
+    cause; one that goes on over another lane is the same manoeuvre. Otherwise only the reference is led over
+    (two fits of a road differ by centimetres).
     """
     y, dy, ddy = reference(mind, traits, i)
     mind.change_from_m[i] = y + shift
     mind.change_rate_mps[i] = dy
     mind.change_rate2_mps2[i] = ddy
     left = mind.change_duration_s[i] - mind.change_elapsed_s[i]
+    goes_on = mind.cause[i] >= 3 and left > 0.0 and y * shift > 0.0
     mind.change_elapsed_s[i] = 0.0
     if not deliberate:
         mind.change_duration_s[i] = max(left, 2.0)
@@ -85,6 +87,8 @@ def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-d
     mind.change_duration_s[i] = traits.change_s[i]
     mind.episode_left_s[i] = 0.0
     mind.recovery_left_s[i] = 0.0
+    if goes_on:
+        return
     if draw(mind, traits, i) < traits.signal_probability[i]:
         mind.cause[i] = 3
         mind.signal[i] = -1 if shift > 0.0 else 1

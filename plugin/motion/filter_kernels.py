@@ -18,6 +18,8 @@ N = 11  # states
 M = 4  # measurements
 VY, YAW, D, PSI, K, KRATE, R, AIM, UNREST, CALM, BIAS = range(N)
 _HARDEST_MPS2 = 3.0  # lateral acceleration up to which the noise grows with it
+_REOPENED = (VY, YAW, PSI, R, AIM)
+_REOPENED_SD = (0.3, 0.1, 0.01, 2.0, 2.0)  # m/s, rad/s, rad, m/s², m/s²
 _GROSS = 2.0  # so many times off the clip an innovation is an error, no manoeuvre
 
 
@@ -111,6 +113,11 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
                 spread = s.one_border if borders == 1 else 1.0
                 away = abs(z[0] - x[D]) > s.away
                 off = update(x, P, z, spread, s, gain, PH)
+                if off > _GROSS * s.clip and not away:
+                    # An abrupt manoeuvre, no error of the camera: what is not measured is open again.
+                    for k in range(len(_REOPENED)):
+                        P[_REOPENED[k], _REOPENED[k]] += _REOPENED_SD[k] ** 2
+                    off = update(x, P, z, spread, s, gain, PH)
                 misfits = misfits + 1 if away or off > _GROSS * s.clip else 0
                 if off > s.doubt:
                     settled = 0.0

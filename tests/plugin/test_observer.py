@@ -346,3 +346,31 @@ def test_settings_say_what_is_wrong():
         read(ObserverSettings, {"coast": 1.0}, "x.toml")
     with pytest.raises(SettingsError, match="mode = 'papper'"):
         read(ObserverSettings, {"mode": "papper"}, "x.toml")
+
+
+def test_an_abrupt_recovery_is_followed_without_a_break():
+    """Half a second from drifting right to 0.15 rad/s left, as drivers do who wake up beside their lane.
+
+    The filter was started anew, and said nothing while the vehicle went for the opposite border.
+    """
+    v = 21.7
+    per_curvature = HALF.wheelbase_m + HALF.understeer * v**2
+
+    def steer(t, x, speed):
+        del x, speed
+        if t > 4.3:
+            return 0.0
+        if t > 3.5:
+            return per_curvature * 0.00845 * (1.0 - (t - 3.5) / 1.6)
+        return per_curvature * (-0.0008 + (0.0095 * (t - 3.0) / 0.5 if t > 3.0 else 0.0)) * (t > 1.0)
+
+    truth = drive(HALF, steer, lambda t: v, duration_s=7.0)
+    assert truth.yaw_rate_rps.max() > 0.14
+    table = observer.schedule(HALF, PREVIEW_M, ObserverSettings())
+    noise = CAMERA | {"offset_m": 0.01, "heading_rad": 1.5e-3}  # a lane that slides fast through the image
+    _, rows = run(table, truth, looks(truth, np.random.default_rng(0), 50, **noise))
+    yaw_rate, settled = column(rows, "yaw_rate_rps")[10:], column(rows, "settled_s")[10:]
+    assert np.isnan(yaw_rate).mean() < 0.01
+    assert (settled < 0.5).mean() < 0.05
+    error = yaw_rate - truth.yaw_rate_rps[10:, None]
+    assert np.sqrt(np.nanmean(error**2)) < 0.25 * truth.yaw_rate_rps.max()

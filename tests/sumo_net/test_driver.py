@@ -147,6 +147,18 @@ def test_lane_change_in_a_jam_goes_by_distance() -> None:
     assert np.abs(history(bench, 120)["d"][-1]).max() < 0.1
 
 
+def test_a_change_over_two_lanes_is_one_manoeuvre() -> None:
+    bench = Bench(Driver(signal_probability=0.5, signal_spread=0.0, **QUIET), 200, 30.0)
+    change_lane(bench, LANE_M)
+    cause, signal = bench.mind.cause.copy(), bench.mind.signal.copy()
+    assert 50 < (cause == SIGNALLED_CHANGE).sum() < 150
+    change_lane(bench, LANE_M)
+    assert (bench.mind.cause == cause).all()
+    assert (bench.mind.signal == signal).all()
+    change_lane(bench, -LANE_M)  # back again: a new decision
+    assert (bench.mind.cause != cause).any()
+
+
 def test_signals_by_the_drivers_own_habit() -> None:
     bench = Bench(Driver(signal_probability=0.6, signal_spread=0.3, **QUIET), 400, 30.0)
     used = np.zeros(bench.n)
@@ -156,6 +168,7 @@ def test_signals_by_the_drivers_own_habit() -> None:
         assert (bench.mind.cause[~signalled] == UNSIGNALLED_CHANGE).all()
         assert (bench.mind.signal == np.where(signalled, -1, 0)).all()
         used += signalled
+        bench.mind.change_elapsed_s[:] = bench.mind.change_duration_s  # one after the other
     assert used.mean() / 30 == pytest.approx(0.6, abs=0.02)
     assert np.corrcoef(used / 30, bench.traits.signal_probability)[0, 1] > 0.8
 
