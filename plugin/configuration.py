@@ -29,7 +29,7 @@ from plugin.warning.departure import DepartureSettings
 from radar_synth.radar import Radar
 from sumo_net.driver import Driver
 from sumo_net.roadside import Roadside
-from sumo_net.scenario import Scenario, scenario_mapping
+from sumo_net.scenario import Scenario, laid_over, scenario_mapping
 from sumo_net.settings import SettingsError, read, settings
 from sumo_net.vehicle import Vehicle
 
@@ -87,7 +87,7 @@ def load_configuration(source: str, changes: Mapping[str, Any] | None = None) ->
     `changes` is nested like the file. Raises SettingsError.
     """
     mapping, path = scenario_mapping(source)
-    return configuration_from(_merged(mapping, changes or {}), str(path))
+    return configuration_from(laid_over(mapping, changes or {}), str(path))
 
 
 def configuration_from(mapping: Mapping[str, Any], source: str = "settings") -> Configuration:
@@ -120,12 +120,3 @@ def read_camera(path: Path) -> Camera:
 
     mapping = read_toml(path)
     return read(Camera, mapping.get("camera", mapping), str(path))
-
-
-def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    merged = dict(base)
-    for key, value in changes.items():
-        old = merged.get(key)
-        both = isinstance(old, Mapping) and isinstance(value, Mapping)
-        merged[key] = _merged(old, value) if both else value  # type: ignore[arg-type]
-    return merged

@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -20,6 +21,7 @@ from sumo_net.network import BuildError, BuiltNetwork, build
 from sumo_net.settings import SettingsError, read, read_toml, settings
 
 DEFAULT_SCENARIO = "highway"
+REGRESSION = ".scenario.toml"  # such a file names a scenario, and what is expected of it
 
 
 @settings
@@ -97,10 +99,35 @@ def scenario_mapping(source: str) -> tuple[dict[str, Any], Path]:
             raise SettingsError(f"no scenario '{source}': {hint} (or name a .toml or a .sumocfg file)")
         path = files[source]
     mapping = read_toml(path)
+    if path.name.endswith(REGRESSION):
+        return _based_on(mapping, path)
     for key in ("configuration", "net_file"):
         if isinstance(mapping.get(key), str) and mapping[key]:
             mapping[key] = str((path.parent / mapping[key]).resolve())
     return mapping, path
+
+
+def _based_on(mapping: dict[str, Any], path: Path) -> tuple[dict[str, Any], Path]:
+    """A regression's world: its `settings` laid over the scenario that it names."""
+    name = str(mapping.get("scenario", DEFAULT_SCENARIO))
+    beside = path.parent / name
+    base, _ = scenario_mapping(str(beside) if Path(name).suffix and beside.is_file() else name)
+    changes = mapping.get("settings", {})
+    if not isinstance(changes, dict):
+        raise SettingsError(f"{path}: settings = {changes!r}: must be a table")
+    return laid_over(base, changes), path
+
+
+def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`changes` over `base`, both nested."""
+    merged = dict(base)
+    for key, value in changes.items():
+        old = merged.get(key)
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            merged[key] = laid_over(old, value)
+        else:
+            merged[key] = value
+    return merged
 
 
 def load_scenario(source: str) -> Scenario:

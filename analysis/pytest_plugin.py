@@ -1,0 +1,58 @@
+"""pytest plug-in: `*.scenario.toml` files are tests. Light to import: `analysis.regression` does the work."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SUFFIX = ".scenario.toml"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Options --adas-mode and --adas-update."""
+    group = parser.getgroup("sumo-adas", "scenarios of sumo-adas")
+    group.addoption("--adas-mode", choices=("paper", "refined"), help="mode of all scenarios, else their own")
+    group.addoption(
+        "--adas-update", action="store_true", help="write the golden figures anew instead of comparing"
+    )
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> "ScenarioFile | None":
+    """Collect files that end in .scenario.toml."""
+    if file_path.name.endswith(SUFFIX):
+        return ScenarioFile.from_parent(parent, path=file_path)
+    return None
+
+
+class ScenarioFile(pytest.File):
+    """One file, one test."""
+
+    def collect(self) -> Iterator["ScenarioItem"]:
+        """Its one item."""
+        yield ScenarioItem.from_parent(self, name=self.path.name.removesuffix(SUFFIX))
+
+
+class ScenarioItem(pytest.Item):
+    """Runs the scenario's seeds and compares what came out with what is expected."""
+
+    def runtest(self) -> None:
+        """Run and compare. Raises ExpectationError, or SettingsError for a file that is wrong."""
+        from analysis.regression import check
+
+        option: Any = self.config.option
+        check(self.path, mode=option.adas_mode, update=option.adas_update)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
+        """The differences; a traceback only for what is nobody's expectation."""
+        from analysis.regression import ExpectationError
+        from sumo_net.settings import SettingsError
+        from sumo_net.traffic import TrafficError
+
+        if isinstance(excinfo.value, ExpectationError | SettingsError | TrafficError):
+            return str(excinfo.value)
+        return str(super().repr_failure(excinfo))
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Where a report points to."""
+        return self.path, 0, f"scenario {self.name}"
