@@ -28,7 +28,7 @@ from rich.console import Console
 from rich.table import Table
 
 CHAIN = ("road ahead", "render", "search", "detect", "observe", "predict", "warn")
-STAGES = (*CHAIN, "SUMO", "read traffic", "ego", "judge", "baselines", "tables", "rest")
+STAGES = (*CHAIN, "radar", "SUMO", "read traffic", "ego", "judge", "baselines", "tables", "rest")
 SHARED = ("SUMO", "read traffic")  # cost of the whole traffic, whoever is equipped
 TARGET_MS = 0.6
 SETTLE_STEPS = 100  # rows are scored and written so often
@@ -95,9 +95,13 @@ def watch(clock: Stopwatch) -> None:
     from plugin import assistance, vision
     from plugin.lane import genetic, refine
     from plugin.motion import observer, prediction
+    from plugin.ranging import Ranging
+    from plugin.rear_end import RearEndScorer
     from plugin.truth import Scorer
     from plugin.warning import departure
     from sumo_net.ego import Ego
+    from sumo_net.incidents import IncidentMaker
+    from sumo_net.lane_changes import LaneChanges
     from sumo_net.traffic import Traffic
 
     clock.time(assistance, "road_ahead", "road ahead")
@@ -105,6 +109,13 @@ def watch(clock: Stopwatch) -> None:
     clock.time(vision.Vision, "draw", "render")
     clock.time(vision.Vision, "step", "detect")  # what is not in a stage of its own: slicing and joining
     clock.time(vision.Vision, "_judge", "judge")
+    clock.time(vision.Vision, "told", "detect")
+    clock.time(assistance, "bodies_ahead", "detect")
+    clock.time(Ranging, "step", "radar")
+    clock.time(RearEndScorer, "add", "tables")
+    clock.time(RearEndScorer, "settle", "tables")
+    clock.time(IncidentMaker, "step", "SUMO")
+    clock.time(LaneChanges, "step", "read traffic")
     clock.time(genetic, "search", "search")
     clock.time(refine, "step", "detect")
     clock.time(refine, "border_columns", "judge")

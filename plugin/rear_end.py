@@ -45,7 +45,8 @@ class RearEndScorer:
         time, warning = self._traffic.time_s, echo.warning
         leader = self._order.leaders(snapshot, truth.handle, self._reach_m)
         by_place = path_leaders(truth, echo.objects, self._roads.table, self._bumper_m, self._overlap_m)
-        visible = in_view(echo.objects, echo.seen.share, leader.handle)
+        # in path and in view: a neighbour that the vehicle turns towards is not yet in its path
+        visible = in_view(echo.objects, echo.seen.share, leader.handle) & (by_place.handle == leader.handle)
         self._book.add(
             time, truth.handle, leader, by_place, visible, truth.speed_mps, warning.level, warning.ttc_s
         )
@@ -70,7 +71,7 @@ class RearEndScorer:
             "fcw_shown_relative_speed_mps": warning.shown_relative_mps,
             "true_gap_m": leader.gap_m,
             "true_ttc_s": leader.ttc_s,
-            "true_leader_visible": visible & (by_place.handle == leader.handle),
+            "true_leader_visible": visible,
         }
 
     def settle(self, until_s: float, final: bool = False) -> None:
