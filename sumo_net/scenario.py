@@ -130,12 +130,6 @@ def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     return merged
 
 
-def load_scenario(source: str) -> Scenario:
-    """A built-in scenario by name, or the user's own file. Raises SettingsError."""
-    mapping, path = scenario_mapping(source)
-    return read(Scenario, mapping, str(path))
-
-
 def prepare(scenario: Scenario, directory: Path, seed: int | None = None) -> PreparedRun:
     """Write what SUMO needs into `directory` (made where missing); nothing is written anywhere else.
 

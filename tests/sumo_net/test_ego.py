@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from plugin.configuration import load_configuration
 from sumo_net import network
 from sumo_net.batch import select
 from sumo_net.driver import LANE_KEEPING, MICROSLEEP, SIGNALLED_CHANGE, Driver
@@ -15,7 +16,7 @@ from sumo_net.ego import Ego, EgoTruth
 from sumo_net.ego_kernels import forward_speed, lateral_rates, rates, runge_kutta, sine_cosine
 from sumo_net.highway import Highway
 from sumo_net.road import RoadNetwork
-from sumo_net.scenario import load_scenario, prepare
+from sumo_net.scenario import prepare
 from sumo_net.traffic import Snapshot, Traffic
 from sumo_net.vehicle import Vehicle, derivatives, model, steady_state
 from tests.sumo_net.bench_road import QUIET, STILL
@@ -327,7 +328,7 @@ def test_alerted_handles_reach_their_drivers(built) -> None:
 
 
 def test_in_a_real_run_sumo_has_the_vehicle_where_the_truth_has_it(tmp_path) -> None:
-    run = prepare(load_scenario("highway"), tmp_path)
+    run = prepare(load_configuration("highway"), tmp_path)
     roads = RoadNetwork.from_highway(run.network)
     with Traffic.start(run.arguments) as traffic:
         ego = Ego(roads, traffic, 1)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import sumo
 
+from plugin.configuration import load_configuration
 from sumo_net.configuration import seconds
 from sumo_net.equipment import EquipmentChoice
 from sumo_net.network import BuiltNetwork
@@ -17,7 +18,6 @@ from sumo_net.scenario import (
     PreparedRun,
     Scenario,
     list_scenarios,
-    load_scenario,
     prepare,
     scenario_files,
     with_changes,
@@ -83,13 +83,17 @@ def contents(folder: Path) -> dict[str, str]:
 
 def test_the_default_scenario_comes_first_and_all_have_titles() -> None:
     listed = list_scenarios()
-    assert [name for name, _ in listed] == ["highway", "conflicts", "curves", "dense", "straight"]
+    names = [name for name, _ in listed]
+    assert names[0] == "highway"
+    assert names[1:] == sorted(names[1:])
+    assert {"conflicts", "curves", "dense", "radius_250", "s_curve", "straight"} <= set(names)
     assert all(title for _, title in listed)
+    assert all(load_configuration(name).purpose for name in names)
 
 
 @pytest.mark.parametrize("name", list(scenario_files()))
 def test_built_in_scenarios_load_and_start(name: str, tmp_path: Path) -> None:
-    scenario = load_scenario(name)
+    scenario = load_configuration(name)
     assert scenario.purpose
     run = prepare(scenario, tmp_path)
     assert isinstance(run.network, BuiltNetwork)
@@ -100,7 +104,7 @@ def test_built_in_scenarios_load_and_start(name: str, tmp_path: Path) -> None:
 
 
 def test_the_default_has_a_full_road_both_ways_and_enough_equipped_cars(tmp_path: Path) -> None:
-    scenario = load_scenario("highway")
+    scenario = load_configuration("highway")
     run = prepare(scenario, tmp_path)
     assert run.recorded_steps == 1200
     with Traffic.start(run.arguments) as traffic:
@@ -138,7 +142,7 @@ def test_no_traffic_the_other_way(tmp_path: Path) -> None:
 
 
 def test_same_seed_same_traffic_and_another_seed_another(tmp_path: Path) -> None:
-    scenario = load_scenario("straight")
+    scenario = load_configuration("straight")
     one = drive(prepare(scenario, tmp_path / "a", seed=5), 50)
     same = drive(prepare(scenario, tmp_path / "b", seed=5), 50)
     other = drive(prepare(scenario, tmp_path / "c", seed=6), 50)
@@ -155,7 +159,7 @@ def test_a_users_toml_with_a_network_beside_it(tmp_path: Path) -> None:
     user_files(tmp_path / "mine")
     toml = tmp_path / "mine" / "own.toml"
     toml.write_text('net_file = "town.net.xml"\nduration_s = 20.0\n[demand]\nflow_per_lane_vph = 1800.0\n')
-    scenario = load_scenario(str(toml))
+    scenario = load_configuration(str(toml))
     before = contents(tmp_path / "mine")
     run = prepare(scenario, tmp_path / "run")
     assert run.network == (tmp_path / "mine/town.net.xml").resolve()
@@ -166,14 +170,14 @@ def test_a_users_toml_with_a_network_beside_it(tmp_path: Path) -> None:
 def test_a_ring_road_has_traffic_too(tmp_path: Path) -> None:
     command = [str(BIN / "netgenerate"), "--grid", "--grid.number", "3", "-o", str(tmp_path / "grid.net.xml")]
     subprocess.run(command, check=True, capture_output=True)
-    scenario = load_scenario(str(tmp_path / "grid.net.xml"))
+    scenario = load_configuration(str(tmp_path / "grid.net.xml"))
     assert len(drive(prepare(scenario, tmp_path / "run"), 100).handle) > 3
 
 
 def test_a_users_sumocfg_writes_only_into_the_runs_folder(tmp_path: Path) -> None:
     source = user_files(tmp_path / "mine")
     before = contents(tmp_path / "mine")
-    scenario = with_changes(load_scenario(str(source)), duration_s=10.0)
+    scenario = with_changes(load_configuration(str(source)), duration_s=10.0)
     run = prepare(scenario, tmp_path / "run", seed=4)
     assert run.network == (tmp_path / "mine/town.net.xml").resolve()
     assert run.begin_s == 5.0
@@ -196,7 +200,7 @@ def test_bologna_with_a_fifth_equipped(tmp_path: Path) -> None:
     if not BOLOGNA.is_dir():
         pytest.skip("no ../shared/data")
     before = {path.name for path in BOLOGNA.iterdir()}
-    scenario = load_scenario(str(BOLOGNA / "run.sumocfg"))
+    scenario = load_configuration(str(BOLOGNA / "run.sumocfg"))
     run = prepare(scenario, tmp_path, seed=3)
     choice = EquipmentChoice(scenario.equipment, 3)
     seen, cars, equipped = -1, 0, 0
@@ -223,7 +227,7 @@ def test_bologna_with_a_fifth_equipped(tmp_path: Path) -> None:
 
 def refused(source: str, folder: Path) -> str:
     with pytest.raises(SettingsError) as error:
-        prepare(load_scenario(source), folder / "run")
+        prepare(load_configuration(source), folder / "run")
     assert "\n" not in str(error.value)
     return str(error.value)
 
@@ -259,7 +263,7 @@ def test_a_bad_toml(text: str, words: str, tmp_path: Path) -> None:
 
 def test_names_and_files_that_are_not_there(tmp_path: Path) -> None:
     assert "no scenario 'highwy': did you mean 'highway'?" in refused("highwy", tmp_path)
-    assert "built in are highway, conflicts, curves, dense, straight" in refused("x", tmp_path)
+    assert "built in are highway, conflicts, curves, dense, " in refused("x", tmp_path)
     assert "no such file" in refused(str(tmp_path / "none.toml"), tmp_path)
     assert "no such file" in refused(str(tmp_path / "none.sumocfg"), tmp_path)
     assert "no such file" in refused(str(tmp_path / "none.net.xml"), tmp_path)
