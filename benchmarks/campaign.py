@@ -46,8 +46,9 @@ def scaling(work: Path, runs: int, duration_s: float) -> None:
     file = work / "campaign.toml"
     file.write_text(FILE.format(scenario="highway", runs=runs, duration=duration_s, fraction=0.1))
     one, two = timed(file, work / "one", 1), timed(file, work / "two", 2)
+    gain = one / two
     print(
-        f"{runs} runs of {duration_s:g} s: one worker {one:.1f} s, two {two:.1f} s: {one / two:.2f} times as fast"
+        f"{runs} runs of {duration_s:g} s: one worker {one:.1f} s, two {two:.1f} s: {gain:.2f} times as fast"
     )
     print(f"core seconds a run: {one / runs:.1f}")
 
