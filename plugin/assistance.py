@@ -21,6 +21,7 @@ from plugin.vision import Scene, Sight, Vision, VisionState
 from plugin.warning import departure
 from plugin.warning.tlc import Crossing, time_to_lane_crossing
 from sumo_net.batch import join, select
+from sumo_net.bend_speed import BendSpeed
 from sumo_net.ego import Ego, EgoTruth
 from sumo_net.equipment import EquipmentChoice
 from sumo_net.incidents import IncidentMaker
@@ -78,6 +79,7 @@ class DriverAssistance:
         self._lane_changes = LaneChanges(self._roads.graph, traffic.lane_ids)
         self._incidents = IncidentMaker(configuration.incidents, traffic, seed)
         self._ego = Ego(self._roads, traffic, seed, configuration.driver, configuration.vehicle)
+        self._bend_speed = BendSpeed(configuration.driver, traffic)
         self._choice = EquipmentChoice(configuration.equipment, seed)
         self._equipped = np.zeros(256, np.bool_)  # by handle
         self._last_handle = -1
@@ -163,6 +165,7 @@ class DriverAssistance:
         self._follow_fleet(truth.handle)
         if len(truth.handle):
             self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
+            self._bend_speed.step(truth, self._roads.table)
             self._drive(self._lane_changes.step(snapshot, equipped), truth)
         if self._steps % SETTLE_EVERY_STEPS == 0:
             self._scorer.settle(self._traffic.time_s)

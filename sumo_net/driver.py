@@ -62,6 +62,8 @@ class Driver:
     steer_most_rad: float = Field(0.60, gt=0, le=1, description="of the front wheels")
     correction_most_mps2: float = Field(2.5, gt=0, description="lateral acceleration on top of the curve's")
     friction: float = Field(0.80, gt=0, le=1.5, description="total lateral acceleration asked for, over g")
+    bend_mps2: float = Field(4.0, gt=0, description="slows down for bends that would ask for more, laterally")
+    bend_braking_mps2: float = Field(2.0, gt=0, le=9, description="and brakes so hard for them")
     slow_mps: float = Field(8.0, gt=1, description="below, control and lane changes go by distance, not time")
 
     distraction_per_min: float = Field(2.5, ge=0, description="glances away that freeze the steering")

@@ -2,7 +2,8 @@
 
 SUMO's shapes are polylines. Read as samples of a smooth road they say more than their chords: a chord whose
 two ends turn the same way is the chord of an arc. So the shape is first given that bulge (the smaller of the
-two ends' curvatures, none where they disagree), and sampled every half metre. Then the curve p that minimises
+two ends' curvatures, none where they disagree), and sampled every half metre. A corner that remains is no bend of
+a road: it is rounded by a parabola, as far as `CORNER_DEPTH_M` allows. Then the curve p that minimises
 
     Σ |p − q|² + Σ λ |Δ³p|²,    λ = (ℓ/h)⁶
 
@@ -13,6 +14,7 @@ drawing does not become a bend that no car can drive. Where even that would need
 `TIGHTEST_1PM`, it is given up, and the fit error says so.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +30,11 @@ TOLERANCE_M = 0.012
 TIGHT_1PM = 1.0 / 40.0  # where the curve would be tighter, the shape has a kink rather than a bend
 KINK_TOLERANCE_M = 0.08  # and there the curve may cut it
 TIGHTEST_1PM = 1.0 / 4.0  # tighter than a car can turn: there the curve cuts the corner whatever it costs
+CORNER_RAD = math.radians(2.0)  # a turn at a point, beyond what the bulges account for
+CORNER_DEPTH_M = 0.25  # cut off a corner,
+CORNER_LEAST_RADIUS_M = 6.0  # or more, up to
+CORNER_MOST_M = 1.0  # so much, for a bend that a car can drive;
+CORNER_RADIUS_M = 80.0  # and no wider than this
 DEEPEST_BULGE_M = 0.4  # of an arc over its chord; of twice that depth, the chord is taken as straight
 _KINK_REACH_M = 10.0
 _LOCK_REACH_M = 3.0
@@ -65,9 +72,9 @@ def fit(shapes: list[Array], rounding_m: float = 0.005) -> SmoothPath:
             raise ValueError(f"a road of {np.hypot(*way):.3f} m is too short to be fitted")
         points = points.copy()
         points[-1] = points[0] + way / np.hypot(*way) * 2.0 * SPACING_M
-    q, along, at_points = _sample(points, rounding_m)
-    p = _smooth(q, float(along[1]), max(TOLERANCE_M, 1.6 * rounding_m))
+    q, along, at_points, corners = _sample(points, rounding_m)
     h = float(along[1])
+    p = _smooth(q + corners, h, max(TOLERANCE_M, 1.6 * rounding_m))
     return _resample(p, q, at_points[starts] / h, at_points[ends] / h)
 
 
@@ -110,8 +117,9 @@ def _bridge(before: Array, after: Array, gap: float) -> Array:
     return np.asarray(before[-1] + w * (after[0] - before[-1]) + bend)
 
 
-def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array]:
-    # Half-metre samples of the bulged polyline, their parameter, and the parameter of every given point.
+def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array, Array]:
+    # Half-metre samples of the bulged polyline, their parameter, the parameter of every given point, and
+    # what rounds the corners, to be added to the samples.
     kept = [0]
     parameter = np.zeros(len(points))
     last = len(points) - 1
@@ -156,7 +164,27 @@ def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array]:
     aside = -0.5 * curvature[i] * u * (length[i] - u)
     unit = chord[i] / length[i, None]
     normal = np.column_stack([-unit[:, 1], unit[:, 0]])
-    return knots[i] + unit * u[:, None] + normal * aside[:, None], t, parameter
+    half = 0.5 * curvature * length  # of an arc's turn, at either end
+    left_over = np.zeros(len(bend))
+    left_over[1:-1] = turn - half[:-1] - half[1:]
+    rounded = _round_corners(t, station, direction, left_over)
+    return knots[i] + unit * u[:, None] + normal * aside[:, None], t, parameter, rounded
+
+
+def _round_corners(t: Array, station: Array, direction: Array, corner: Array) -> Array:
+    # Displacements (samples, 2): parabolas of half length T, θ/4T (T − |u|)² deep, of radius 2T/θ.
+    added = np.zeros((len(t), 2))
+    for k in np.flatnonzero(np.abs(corner) > CORNER_RAD):
+        angle = abs(float(corner[k]))
+        depth = max(CORNER_DEPTH_M, CORNER_LEAST_RADIUS_M * angle**2 / 8.0)
+        reach = min(4.0 * min(depth, CORNER_MOST_M) / angle, 0.5 * CORNER_RADIUS_M * angle)
+        reach = min(reach, 0.5 * float(station[k] - station[k - 1]), 0.5 * float(station[k + 1] - station[k]))
+        u = np.abs(t - station[k])
+        near = u < reach
+        middle = direction[k - 1] + 0.5 * corner[k]
+        inward = np.sign(corner[k]) * np.array([-math.sin(middle), math.cos(middle)])
+        added[near] += (angle / (4.0 * reach) * (reach - u[near]) ** 2)[:, None] * inward
+    return added
 
 
 def _smooth(q: Array, h: float, tolerance_m: float) -> Array:

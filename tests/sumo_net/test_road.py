@@ -328,6 +328,17 @@ def test_dashes_have_one_phase_for_all_lanes(exact):
 # --- a published city
 
 
+@pytest.mark.parametrize("degrees", [5.0, 10.0, 20.0, 40.0])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_corner_of_the_drawing_becomes_a_bend(degrees, side):
+    turn = side * math.radians(degrees)
+    smooth = road_fit.fit([np.array([[-60.0, 0.0], [0.0, 0.0], [60.0 * np.cos(turn), 60.0 * np.sin(turn)]])])
+    radius = min(0.6 * 8.0 * road_fit.CORNER_DEPTH_M / turn**2, road_fit.CORNER_RADIUS_M)
+    assert np.abs(smooth.curvature_1pm).max() < 1.0 / min(radius, 35.0)
+    assert smooth.error_m < 1.3 * road_fit.CORNER_DEPTH_M
+    assert smooth.heading_rad[-1] - smooth.heading_rad[0] == pytest.approx(turn, abs=1e-3)
+
+
 def test_every_lane_of_the_city_can_be_fitted(city):
     graph = city.graph
     strays = 0
@@ -339,7 +350,8 @@ def test_every_lane_of_the_city_can_be_fitted(city):
         assert np.isfinite(table.x_m[part]).all()
         error, tightest = city.shape_fit_error(path), np.abs(table.curvature_1pm[part]).max()
         # Beyond the tolerance only where a car could hardly follow the drawing.
-        assert error <= road_fit.KINK_TOLERANCE_M * 1.01 or tightest > 0.12, lane.id
+        most = road_fit.KINK_TOLERANCE_M + road_fit.CORNER_DEPTH_M
+        assert error <= most * 1.01 or tightest > 0.12, lane.id
         assert error < 0.6
         strays += error > road_fit.KINK_TOLERANCE_M * 1.01
     assert len(lanes) == 437
