@@ -147,17 +147,19 @@ def tlc_errors(steps: pd.DataFrame, below_s: float = 1.0) -> dict[str, float]:
 def warning_counts(warnings: pd.DataFrame, departures: pd.DataFrame, km: float) -> dict[str, float]:
     """Departures warned and missed, warnings by outcome, per 100 km with exact Poisson limits."""
     meant = departures[departures["cause"] != SIGNALLED]
-    warned = meant["warned"].fillna(False).astype(bool)
+    due = meant[meant["warned"].notna()]
+    warned = due["warned"].astype(bool)
     outcome = warnings.loc[warnings["kind"] == "ldw", "outcome"]
     false = int((outcome == "false").sum())
     low, high = poisson_interval(false)
     return {
         "departures": len(meant),
+        "departures_due": len(due),
         "departures_warned": int(warned.sum()),
         "departures_missed": int((~warned).sum()),
         "warned_rate": mean(warned),
         "in_zone_rate": mean(meant["in_zone"].dropna()),
-        "median_lead_time_s": float(meant.loc[warned, "lead_time_s"].median()),
+        "median_lead_time_s": float(due.loc[warned, "lead_time_s"].median()),
         "departures_per_100km": per_100_km(len(meant), km),
         "warnings": len(outcome),
         "warnings_true": int((outcome == "true").sum()),

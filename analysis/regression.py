@@ -155,8 +155,8 @@ def worst_moment(figure: str, tables: Mapping[str, pd.DataFrame]) -> str:
     found: tuple[pd.DataFrame, str, pd.Series] | None = None
     if figure.startswith(("departures", "warned")):
         rows = tables["departures"]
-        rows = rows[rows["cause"] != "lane_change_signalled"]
-        found = rows, "crossing_s", (~rows["warned"].fillna(False).astype(bool)).astype(float)
+        rows = rows[rows["warned"].notna()]
+        found = rows, "crossing_s", (~rows["warned"].astype(bool)).astype(float)
     elif figure.startswith(("warnings", "false", "nuisance", "fcw")):
         rows = tables["warnings"]
         rows = rows[rows["kind"] == ("fcw" if figure.startswith("fcw") else "ldw")]

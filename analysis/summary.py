@@ -47,7 +47,8 @@ def _figures(f: dict[str, float]) -> Table:
         rows += [
             (
                 "  warned before",
-                f"{f['departures_warned']:.0f}, median {_number(f['median_lead_time_s'])} s before",
+                f"{f['departures_warned']:.0f} of {f['departures_due']:.0f} due, "
+                f"median {_number(f['median_lead_time_s'])} s before",
             ),
             ("  missed", f"{f['departures_missed']:.0f}"),
         ]

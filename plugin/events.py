@@ -17,7 +17,7 @@ SIGNALLED = CAUSES.index("lane_change_signalled")
 
 @settings
 class Matching:
-    """When a warning and a crossing belong together."""
+    """When a warning and a crossing belong together, and which crossings it is due for."""
 
     early_s: float = Field(3.0, gt=0, description="a crossing at most so long after the warning began, or …")
     after_end_s: float = Field(0.5, ge=0, description="… so long after it ended, makes it true")
@@ -28,6 +28,7 @@ class Matching:
         0.1, ge=0, description="a border counts again once the wheel was so far inside"
     )
     rearm_s: float = Field(2.0, ge=0, description="… or after so long")
+    due_from_mps: float = Field(11.1, ge=0, description="a warning is due for crossings from this speed")
 
 
 @dataclass(slots=True)
@@ -112,6 +113,7 @@ class EventBook:
         matches = [w for w in candidates if self._belong(w, departure)]
         first = min(matches, key=lambda w: w.start_s, default=None)
         lead = None if first is None else departure.crossing_s - first.start_s
+        due = departure.cause != SIGNALLED and departure.speed_mps >= self.matching.due_from_mps
         return {
             "handle": departure.handle,
             "side": SIDE_NAMES[departure.side],
@@ -119,7 +121,7 @@ class EventBook:
             "cause": CAUSES[departure.cause],
             "lateral_speed_mps": departure.lateral_speed_mps,
             "speed_mps": departure.speed_mps,
-            "warned": None if departure.cause == SIGNALLED else lead is not None and lead >= 0.0,
+            "warned": lead is not None and lead >= 0.0 if due else None,
             "lead_time_s": lead,
             "in_zone": None if first is None else in_placement_zone(first.margin_m, first.drift_mps),
         }

@@ -181,7 +181,8 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("lateral_speed_mps", "towards the border, when crossing"),
         Column("speed_mps", "speed when crossing", decimals=3),
         _flag(
-            "warned", "a warning for this side began before the crossing; empty for a signalled lane change"
+            "warned",
+            "a warning for this side began before the crossing; empty where none is due: signalled, slow",
         ),
         Column("lead_time_s", "from that warning to the crossing; negative for a late one", decimals=3),
         _flag("in_zone", "the warning began inside the placement zone (ISO 17361, from memory)"),

@@ -2,8 +2,8 @@
 
 SUMO's shapes are polylines. Read as samples of a smooth road they say more than their chords: a chord whose
 two ends turn the same way is the chord of an arc. So the shape is first given that bulge (the smaller of the
-two ends' curvatures, none where they disagree), and sampled every half metre. A corner that remains is no bend of
-a road: it is rounded by a parabola, as far as `CORNER_DEPTH_M` allows. Then the curve p that minimises
+two ends' curvatures, none where they disagree), and sampled every half metre. A corner that remains is no
+bend of a road: it is rounded by a parabola, up to `CORNER_DEPTH_M` deep. Then the curve p that minimises
 
     Σ |p − q|² + Σ λ |Δ³p|²,    λ = (ℓ/h)⁶
 

@@ -29,7 +29,7 @@ RATES = (
     "fcw_danger_nuisance",
 )
 SHARES = {
-    "departures_warned": "departures",
+    "departures_warned": "departures_due",
     "conflicts_due_warned": "conflicts_due",
     "recognised": "judged",
     "paper_recognised": "paper_judged",

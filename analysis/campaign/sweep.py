@@ -119,7 +119,14 @@ def _judge_lane(
         handle = handles.setdefault(str(row.vehicle_id), next(number))
         cause = CAUSES.index(str(row.cause))
         book.departures.append(
-            Departure(handle, _SIDES[str(row.side)], float(row.crossing_s), cause, 0.0, 0.0)  # type: ignore[arg-type]
+            Departure(
+                handle,
+                _SIDES[str(row.side)],
+                float(row.crossing_s),  # type: ignore[arg-type]
+                cause,
+                lateral_speed_mps=0.0,
+                speed_mps=float(row.speed_mps),  # type: ignore[arg-type]
+            )
         )
     crossings, warnings = book.settle(float("inf"), True)
     meant = [row for row in crossings if row["warned"] is not None]

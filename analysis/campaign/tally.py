@@ -57,6 +57,7 @@ def tally(tables: Mapping[str, pd.DataFrame]) -> Tally:
 _OUTCOMES = ("", "_true", "_nuisance", "_false")
 COUNTS = (
     "departures",
+    "departures_due",
     "departures_warned",
     "departures_missed",
     "warnings",

@@ -175,7 +175,13 @@ def drifting(tlc: list[float], side: str = "left", cause: str = "distraction") -
 def test_a_sweep_finds_the_lead_that_a_threshold_gives() -> None:
     """Time to crossing falls by 0.1 s a step: the warning comes as long before as the threshold says."""
     tlc = [3.0 - 0.1 * k for k in range(31)]
-    crossing = {"vehicle_id": "a", "side": "left", "crossing_s": 13.0, "cause": "distraction"}
+    crossing = {
+        "vehicle_id": "a",
+        "side": "left",
+        "crossing_s": 13.0,
+        "cause": "distraction",
+        "speed_mps": 25.0,
+    }
     departures = pd.DataFrame([crossing])
     for threshold in (0.5, 1.0, 2.0):
         counts, leads = _judge_lane(drifting(tlc), departures, threshold)

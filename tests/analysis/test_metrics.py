@@ -200,16 +200,17 @@ def test_warning_counts_per_100_km() -> None:
             ("microsleep", False, -0.3),  # warned too late is missed
             ("lane_change_unsignalled", False, np.nan),
             ("lane_change_signalled", pd.NA, np.nan),  # meant: does not count
+            ("distraction", pd.NA, np.nan),  # slow: counts, but no warning was due
         ]
     )
     found = metrics.warning_counts(
         departures=departures, warnings=warnings_table("true", "true", "nuisance", "false"), km=50.0
     )
-    assert found["departures"] == 4
+    assert (found["departures"], found["departures_due"]) == (5, 4)
     assert (found["departures_warned"], found["departures_missed"]) == (2, 2)
     assert found["warned_rate"] == 0.5
     assert found["median_lead_time_s"] == pytest.approx(1.0)
-    assert found["departures_per_100km"] == 8.0
+    assert found["departures_per_100km"] == 10.0
     assert (found["warnings_true"], found["warnings_nuisance"], found["warnings_false"]) == (2, 1, 1)
     assert found["false_per_100km"] == 2.0
     assert found["false_per_100km_low"] == pytest.approx(2 * 0.025318, abs=1e-4)

@@ -110,6 +110,14 @@ def test_warning_outcomes(start: float, end: float, side: int, outcome: str, lea
     assert recorder.table("departures")["warned"].tolist() == [outcome == "true"]
 
 
+@pytest.mark.parametrize(("speed", "due"), [(9.0, False), (12.0, True)])
+def test_no_warning_is_due_for_a_slow_crossing(speed: float, due: bool) -> None:
+    slow = [columns(k, *drift_and_back(k), speed_mps=speed, x_m=0.1 * speed * k) for k in range(300)]
+    departures = score(slow).table("departures")
+    assert departures["speed_mps"].tolist() == [speed]
+    assert departures["warned"].notna().all() == due
+
+
 def test_prediction_error_is_measured_across_the_driven_path() -> None:
     predictions = score([columns(k, *drift_and_back(k)) for k in range(200)]).table("predictions")
     row = predictions.query("time_s == 10.0").set_index("horizon_s")
