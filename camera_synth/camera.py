@@ -14,6 +14,8 @@ from sumo_net.compile import kernel
 from sumo_net.settings import settings
 
 WIDTH_PX, HEIGHT_PX = 320, 240
+PROCESSED_ROWS = 150  # from the bottom up; what lane detection looks at
+PROCESSED_FROM = HEIGHT_PX - PROCESSED_ROWS  # the array row where they begin
 
 
 @settings

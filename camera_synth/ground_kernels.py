@@ -190,17 +190,28 @@ def row_line(y, p):  # type: ignore[no-untyped-def]
 @kernel
 def cross(crossings, curves, lowest, p):  # type: ignore[no-untyped-def]
     """Fill `crossings` from `curves` for a camera with Projection p; entry e is at height `lowest` + e."""
-    edges, samples = crossings.ahead.shape[0], curves.start.shape[1]
-    for e in range(edges):
-        crossings.ahead[e], _ = row_line(np.float64(lowest + e), p)
+    lay(crossings, lowest, p)
     for k in range(CURVES):
-        last = curves.last[k]
-        if last == 0:
-            for e in range(edges):
-                crossings.kind[e, k] = 0
-            continue
-        endless = curves.goes_on[0] and last == samples - 1
-        _cross_curve(crossings, k, curves, curves.first[k], last, endless, p)
+        cross_curve(crossings, curves, k, p)
+
+
+@kernel
+def lay(crossings, lowest, p):  # type: ignore[no-untyped-def]
+    """The ground lines of `crossings`; entry e is at height `lowest` + e."""
+    for e in range(crossings.ahead.shape[0]):
+        crossings.ahead[e], _ = row_line(np.float64(lowest + e), p)
+
+
+@kernel
+def cross_curve(crossings, curves, k, p):  # type: ignore[no-untyped-def]
+    """Where curve k alone crosses the lines of `crossings`."""
+    last = curves.last[k]
+    if last == 0:
+        for e in range(crossings.ahead.shape[0]):
+            crossings.kind[e, k] = 0
+        return
+    endless = curves.goes_on[0] and last == curves.start.shape[1] - 1
+    _cross_curve(crossings, k, curves, curves.first[k], last, endless, p)
 
 
 @kernel

@@ -1,43 +1,20 @@
 """The road camera of a fleet: 8-bit grey frames from the road, the bodies around, the pose and the day."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Projection
 from camera_synth.condition import Looks
+from camera_synth.pose import Placed
 from camera_synth.render_kernels import render_fleet
+from camera_synth.truth import BorderColumns, new_border_columns
 from sumo_net.road import RoadAhead
 from sumo_net.surroundings import Objects
 
 Array = np.ndarray[Any, Any]
 
-PROCESSED_ROWS = 150  # from the bottom up; what lane detection looks at
-PROCESSED_FROM = HEIGHT_PX - PROCESSED_ROWS  # the array row where they begin
-
-
-class Pose(NamedTuple):
-    """Where n vehicles' centres of gravity are in the world, (n,) each."""
-
-    x_m: Array
-    y_m: Array
-    heading_rad: Array  # counter-clockwise from +x
-
-
-class Placed(Protocol):
-    """What is needed of the vehicles: a Pose has it, and so has sumo_net.ego.EgoTruth."""
-
-    @property
-    def x_m(self) -> Array:
-        """(n,) centre of gravity, world."""
-
-    @property
-    def y_m(self) -> Array:
-        """(n,)."""
-
-    @property
-    def heading_rad(self) -> Array:
-        """(n,) counter-clockwise from +x."""
+NO_TRUTH = np.zeros(0, np.int64), new_border_columns(0)
 
 
 def new_frames(count: int) -> Array:
@@ -55,13 +32,16 @@ def render(
     keys: Array,
     frame_counter: Array,
     first_row: int = 0,
+    truth: tuple[Array, BorderColumns] = NO_TRUTH,
 ) -> None:
     """Draw what n vehicles' cameras see into frames (n, 240, 320) uint8; array row = 239 - y.
 
     keys (n,) uint64: each vehicle's `stream_key(seed, vehicle_id, "camera")`; frame_counter (n,) int64: the
     frame's number, from which noise and slow changes of the exposure follow. Array rows above `first_row` are
     left as they are (PROCESSED_FROM draws what lane detection needs); the others are the same bytes for any
-    `first_row`, and for any slicing of the fleet. All arrays C-contiguous; releases the GIL.
+    `first_row`, and for any slicing of the fleet. truth: right slots (n,) int64 and BorderColumns of n lanes,
+    which are filled as `truth.border_columns` does, for less than a call of it costs. All arrays
+    C-contiguous; releases the GIL.
 
     Raises ValueError for frames of another shape or a first_row outside them.
     """
@@ -85,4 +65,5 @@ def render(
         looks,
         keys,
         frame_counter,
+        truth,
     )

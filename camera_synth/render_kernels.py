@@ -7,16 +7,20 @@ import numpy as np
 from camera_synth.body_kernels import new_bodies, paint_bodies, place
 from camera_synth.condition import look_of
 from camera_synth.degrade import NODE_PX, value_noise
-from camera_synth.ground_kernels import cross, new_crossings, new_curves, tabulate
+from camera_synth.ground_kernels import cross, lay, new_crossings, new_curves, tabulate
 from camera_synth.light_kernels import light_ground
 from camera_synth.sensor_kernels import exposure_of, read_out
 from camera_synth.surface_kernels import paint_ground, paint_markings, paint_tracks, view_of
+from camera_synth.truth_kernels import locate
 from sumo_net.compile import kernel
 
 
 @kernel
-def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, looks, keys, counters):  # type: ignore[no-untyped-def]
-    """Fill frames (n, height, width) uint8 from array row `first_row` down; see render.render."""
+def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, looks, keys, counters, truth):  # type: ignore[no-untyped-def]
+    """Fill frames (n, height, width) uint8 from array row `first_row` down; see render.render.
+
+    truth: right slots (n,) and BorderColumns of n vehicles, filled too; of none where not wanted.
+    """
     n, height, width = frames.shape
     rows = height - first_row
     horizon = p.center_y + p.focal_y * p.sin_pitch / p.cos_pitch
@@ -25,6 +29,10 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     crossings = new_crossings(rows)
     bodies = new_bodies(objects.handle.shape[1])
     canvas, field = np.zeros((rows, width), np.float32), np.zeros((rows, width), np.float32)
+    slot, borders = truth
+    judged = borders.column.shape[0] == n
+    middles, boxes = new_crossings(borders.column.shape[2] - 1), np.empty((objects.handle.shape[1], 4))
+    lay(middles, 0.0, p)
     node, skyline = np.zeros(width // NODE_PX + 1, np.float32), np.zeros(width, np.float32)
     for i in range(n):
         look = look_of(looks, i)
@@ -42,6 +50,9 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
                 _paint_sky(canvas[y], y - horizon, skyline, look)
         place(bodies, objects, i, p, look)
         paint_bodies(canvas, bodies)
+        if judged:
+            column, painted = borders.column[i], borders.painted[i]
+            locate(column, painted, width, p, curves, middles, bodies, boxes, slot[i], look, view)
         exposure = exposure_of(look, view.sin, view.cos, horizon, p, keys[i], counters[i])
         read_out(frames[i], canvas, field, node, exposure, keys[i], counters[i])
 

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camera_synth.camera import WIDTH_PX, Projection
+from camera_synth.camera import PROCESSED_ROWS, WIDTH_PX, Projection
 from camera_synth.condition import Looks
-from camera_synth.render import PROCESSED_ROWS, Pose
+from camera_synth.pose import Pose
 from camera_synth.truth_kernels import locate_borders
 from sumo_net.road import Array, RoadAhead
 from sumo_net.surroundings import Objects
@@ -17,6 +17,11 @@ class BorderColumns(NamedTuple):
 
     column: Array  # (n, 2, rows) of the line's centre; NaN without marking, outside the image, behind a body
     painted: Array  # (n, 2, rows) bool: in a solid line or a dash's stroke, with a quarter of its paint left
+
+
+def new_border_columns(count: int, rows: int = PROCESSED_ROWS) -> BorderColumns:
+    """BorderColumns of `count` lanes that are nowhere."""
+    return BorderColumns(np.full((count, 2, rows), np.nan), np.zeros((count, 2, rows), np.bool_))
 
 
 def border_columns(
@@ -34,11 +39,11 @@ def border_columns(
     render's, at the rows' middles; wear stands in the world, hence `pose`. All arrays C-contiguous.
     """
     n = len(right_slot)
-    column, painted = np.full((n, 2, rows), np.nan), np.zeros((n, 2, rows), np.bool_)
+    truth = new_border_columns(n, rows)
     slots = np.ascontiguousarray(right_slot, np.int64)
     locate_borders(
-        column,
-        painted,
+        truth.column,
+        truth.painted,
         WIDTH_PX,
         projection,
         road_ahead,
@@ -49,4 +54,4 @@ def border_columns(
         pose.y_m,
         pose.heading_rad,
     )
-    return BorderColumns(column, painted)
+    return truth

@@ -6,7 +6,7 @@ import numpy as np
 
 from camera_synth.body_kernels import frame_bodies, hides, new_bodies, place
 from camera_synth.condition import look_of
-from camera_synth.ground_kernels import cross, new_crossings, new_curves, tabulate
+from camera_synth.ground_kernels import cross_curve, lay, new_crossings, new_curves, tabulate
 from camera_synth.surface_kernels import paint_left, strip_of, view_of
 from sumo_net.compile import kernel
 from sumo_net.road import MAX_BORDERS, SOLID
@@ -18,35 +18,46 @@ LEAST_PAINT = 0.25  # of a new marking's: with less there is nothing to be seen
 def locate_borders(column, painted, width, p, road, objects, right_slot, looks, x_m, y_m, heading_rad):  # type: ignore[no-untyped-def]
     """Fill column, painted (n, 2, rows); see truth.border_columns."""
     n, _, rows = column.shape
-    curves, crossings = new_curves(road.forward_m.shape[1]), new_crossings(rows - 1)
+    curves, middles = new_curves(road.forward_m.shape[1]), new_crossings(rows - 1)
     bodies = new_bodies(objects.handle.shape[1])
     boxes = np.empty((objects.handle.shape[1], 4))
+    lay(middles, 0.0, p)
     for i in range(n):
         look = look_of(looks, i)
         tabulate(curves, road, i, p)
-        cross(crossings, curves, 0.0, p)
         place(bodies, objects, i, p, look)
-        frame_bodies(bodies, boxes)
-        worn = look.wear > 0.0 or look.missing > 0.0
         view = view_of(x_m[i], y_m[i], heading_rad[i], p)
-        period = look.dash_stroke_m + look.dash_gap_m
-        for side in range(2):
-            slot = right_slot[i] + 1 - side
-            for y in range(rows):
-                column[i, side, y] = math.nan
-                painted[i, side, y] = False
-                if not 0 <= slot < MAX_BORDERS or crossings.kind[y, slot] == 0:
-                    continue
-                x = crossings.column[y, slot]
-                if x < -0.5 or x > width - 0.5 or hides(bodies, boxes, x, y):
-                    continue
-                column[i, side, y] = x
-                station = crossings.station[y, slot]
-                solid = crossings.kind[y, slot] == SOLID
-                shown = solid or station - math.floor(station / period) * period < look.dash_stroke_m
-                if shown and worn:
-                    footprint = crossings.ahead[min(y + 1, rows - 1)] - crossings.ahead[max(y - 1, 0)]
-                    strip = strip_of(y, 0.5 * footprint, view, p)
-                    left = paint_left(look, strip.x + x * strip.dx, strip.y + x * strip.dy, strip.footprint)
-                    shown = left >= LEAST_PAINT
-                painted[i, side, y] = shown
+        locate(column[i], painted[i], width, p, curves, middles, bodies, boxes, right_slot[i], look, view)
+
+
+@kernel
+def locate(column, painted, width, p, curves, middles, bodies, boxes, right_slot, look, view):  # type: ignore[no-untyped-def]
+    """Fill column, painted (2, rows) of one vehicle from its `curves` and placed `bodies`.
+
+    middles: Crossings laid at the rows' middles, from 0.0 on; boxes (bodies, 4): scratch.
+    """
+    rows = column.shape[1]
+    frame_bodies(bodies, boxes)
+    worn = look.wear > 0.0 or look.missing > 0.0
+    period = look.dash_stroke_m + look.dash_gap_m
+    for side in range(2):
+        slot = right_slot + 1 - side
+        column[side, :] = math.nan
+        painted[side, :] = False
+        if not 0 <= slot < MAX_BORDERS:
+            continue
+        cross_curve(middles, curves, slot, p)
+        for y in range(rows):
+            x = middles.column[y, slot]
+            if middles.kind[y, slot] == 0 or x < -0.5 or x > width - 0.5 or hides(bodies, boxes, x, y):
+                continue
+            column[side, y] = x
+            station = middles.station[y, slot]
+            solid = middles.kind[y, slot] == SOLID
+            shown = solid or station - math.floor(station / period) * period < look.dash_stroke_m
+            if shown and worn:
+                footprint = middles.ahead[min(y + 1, rows - 1)] - middles.ahead[max(y - 1, 0)]
+                strip = strip_of(y, 0.5 * footprint, view, p)
+                left = paint_left(look, strip.x + x * strip.dx, strip.y + x * strip.dy, strip.footprint)
+                shown = left >= LEAST_PAINT
+            painted[side, y] = shown

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from camera_synth.render import Pose
+from camera_synth.pose import Pose
 from plugin import rear_end
 from plugin.configuration import Configuration, configuration_from, versions
 from plugin.ground_truth import curvature_ahead, margins, true_motion

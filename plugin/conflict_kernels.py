@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sumo_net.compile import kernel
-from sumo_net.road_kernels import project
+from sumo_net.road_kernels import pose_at, project
 
 _HALF_BODY_M = 0.9  # of an equipped vehicle
 
@@ -47,6 +47,19 @@ def lane_leaders(rows, snapshot, order, first, chain, lanes, ahead, reach, out):
 
 
 @kernel
+def _far_aside(table, path, x, y, station, centre, within):  # type: ignore[no-untyped-def]
+    """Whether a point is surely more than `within` aside of the lane's centre, without looking for its foot.
+
+    Seen from the path at `station`, which lies `along` off the foot: a bend of 50 m turns by along / 50 up to
+    there, which moves the point aside by along² / 100, under along / 4 + 2 where along is under 30 m.
+    """
+    px, py, heading, _ = pose_at(table, path, station)
+    c, n = math.cos(heading), math.sin(heading)
+    along, aside = c * (x - px) + n * (y - py), c * (y - py) - n * (x - px)
+    return abs(along) < 30.0 and abs(aside - centre) > within + 2.0 + 0.25 * abs(along)
+
+
+@kernel
 def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[no-untyped-def]
     """The nearest body ahead that reaches into the lane which contains the vehicle, whatever SUMO's lane is.
 
@@ -65,10 +78,14 @@ def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[n
             if forward - bumper - 0.5 * objects.length_m[i, m] >= out.gap_m[i]:
                 continue  # no nearer along the path than straight on; NaN of nobody is not greater
             x, y = truth.x_m[i] + cos * forward - sin * left, truth.y_m[i] + sin * forward + cos * left
-            s, d = project(table, truth.path[i], x, y, truth.station_m[i] + forward)
             half = 0.5 * objects.width_m[i, m]
             straight = abs(left) <= half + _HALF_BODY_M and forward <= 2.0 * truth.speed_mps[i]
-            if not (straight or abs(d - centre) <= 0.5 * truth.lane_width_m[i] + half - overlap):
+            within = 0.5 * truth.lane_width_m[i] + half - overlap
+            guess = truth.station_m[i] + forward
+            if not straight and _far_aside(table, truth.path[i], x, y, guess, centre, within):
+                continue
+            s, d = project(table, truth.path[i], x, y, guess)
+            if not (straight or abs(d - centre) <= within):
                 continue
             gap = s - truth.station_m[i] - bumper - 0.5 * objects.length_m[i, m]
             if gap < out.gap_m[i] or out.handle[i] == -1:

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from camera_synth.camera import projection
+from camera_synth.camera import PROCESSED_FROM, projection
 from camera_synth.condition import Looks, looks
-from camera_synth.render import PROCESSED_FROM, Pose, new_frames, render
-from camera_synth.truth import border_columns
+from camera_synth.pose import Pose
+from camera_synth.render import NO_TRUTH, new_frames, render
+from camera_synth.truth import BorderColumns, border_columns, new_border_columns
 from plugin.configuration import Configuration
 from plugin.lane import genetic, refine
 from plugin.lane.estimate import Borders, LaneEstimate
@@ -123,13 +124,21 @@ class Vision:
         buffer = self._buffers.get()
         try:
             frames = buffer[: len(speed_mps)]
-            self.draw(frames, state, scene, PROCESSED_FROM)
-            return self._look(frames, state, scene, speed_mps)
+            truth = new_border_columns(len(speed_mps))
+            self.draw(frames, state, scene, PROCESSED_FROM, (_own_slot(scene), truth))
+            return self._look(frames, state, scene, speed_mps, truth)
         finally:
             self._buffers.put(buffer)
 
-    def draw(self, frames: Array, state: VisionState, scene: Scene, first_row: int = 0) -> None:
-        """The frames (n, 240, 320) that the cameras see now."""
+    def draw(
+        self,
+        frames: Array,
+        state: VisionState,
+        scene: Scene,
+        first_row: int = 0,
+        truth: tuple[Array, BorderColumns] = NO_TRUTH,
+    ) -> None:
+        """The frames (n, 240, 320) that the cameras see now; `truth` as `render` fills it."""
         render(
             frames,
             self._projection,
@@ -140,10 +149,11 @@ class Vision:
             state.camera_key,
             state.frame,
             first_row,
+            truth,
         )
 
     def _look(
-        self, frames: Array, state: VisionState, scene: Scene, speed_mps: Array
+        self, frames: Array, state: VisionState, scene: Scene, speed_mps: Array, truth: BorderColumns
     ) -> tuple[VisionState, Sight]:
         lane_state, search = state.lane, state.search
         if self._paper:
@@ -169,9 +179,9 @@ class Vision:
         beside, beside_verdict = state.beside, np.full(len(speed_mps), -1, np.int8)
         if self._beside:
             beside, found = genetic.search(frames, beside, self._numbers)
-            beside_verdict = self._judge(scene, state.looks, self._parabola_columns(found))
+            beside_verdict = self._judge(scene, state.looks, self._parabola_columns(found), truth)
         after = state._replace(frame=state.frame + 1, lane=lane_state, search=search, beside=beside)
-        return after, Sight(lane, borders, self._judge(scene, state.looks, columns), beside_verdict)
+        return after, Sight(lane, borders, self._judge(scene, state.looks, columns, truth), beside_verdict)
 
     def _start(
         self, frames: Array, lane: LaneState, search: SearchState
@@ -192,29 +202,35 @@ class Vision:
             part[index] = new
         return fresh, start, wanted
 
-    def _judge(self, scene: Scene, looks: Looks, columns: Array) -> Array:
-        own = OWN_RIGHT + scene.lanes_left.astype(np.int64)
-        verdict = self._against(scene, looks, columns, own)
+    def _judge(self, scene: Scene, looks: Looks, columns: Array, truth: BorderColumns) -> Array:
+        verdict = _against(truth, columns)
         straddling = np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m - _STRADDLING_M
         again = np.flatnonzero(straddling & (verdict == 0))
         if len(again):
-            other = own[again] + np.sign(scene.lane_offset_m[again]).astype(np.int64)
-            meant = self._against(select(scene, again), select(looks, again), columns[again], other)
-            verdict[again] = np.maximum(meant, 0)
+            other = _own_slot(scene)[again] + np.sign(scene.lane_offset_m[again]).astype(np.int64)
+            beside = select(scene, again)
+            meant = border_columns(
+                self._projection, beside.ahead, beside.objects, other, select(looks, again), beside.pose
+            )
+            verdict[again] = np.maximum(_against(meant, columns[again]), 0)
         # beside all lanes there is no ego lane to be found
         verdict[np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m + _STRADDLING_M] = -1
-        return verdict
-
-    def _against(self, scene: Scene, looks: Looks, columns: Array, right_slot: Array) -> Array:
-        truth = border_columns(self._projection, scene.ahead, scene.objects, right_slot, looks, scene.pose)
-        verdict = np.empty(len(right_slot), np.int8)
-        judge(truth.column, truth.painted, columns, TOLERANCE_PX, SHARE, verdict)
         return verdict
 
     def _parabola_columns(self, borders: Borders) -> Array:
         # the published objective is greatest on a marking's inner edge; judged is the marking
         centres = marking_centres(borders, self._configuration.camera, self._configuration.plausibility)
         return parabola_columns(centres)
+
+
+def _own_slot(scene: Scene) -> Array:
+    return OWN_RIGHT + scene.lanes_left.astype(np.int64)
+
+
+def _against(truth: BorderColumns, columns: Array) -> Array:
+    verdict = np.empty(len(columns), np.int8)
+    judge(truth.column, truth.painted, columns, TOLERANCE_PX, SHARE, verdict)
+    return verdict
 
 
 def parabola_columns(borders: Borders) -> Array:

@@ -12,10 +12,10 @@ B = TypeVar("B", bound=tuple[Any, ...])
 
 def select(batch: B, index: Any) -> B:
     """The same batch for the vehicles that `index` (slice, integers or mask) names; a slice gives views."""
-    return type(batch)(*(select(part, index) if isinstance(part, tuple) else part[index] for part in batch))
+    return type(batch)(*[select(part, index) if isinstance(part, tuple) else part[index] for part in batch])
 
 
 def join(*batches: B) -> B:
     """One batch after the other."""
     parts = zip(*batches, strict=True)
-    return type(batches[0])(*(join(*p) if isinstance(p[0], tuple) else np.concatenate(p) for p in parts))
+    return type(batches[0])(*[join(*p) if isinstance(p[0], tuple) else np.concatenate(p) for p in parts])

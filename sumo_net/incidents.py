@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from sumo_net.influence import Influence
-from sumo_net.randomness import stream_key, uniform
+from sumo_net.randomness import stream_key, uniform, uniforms
 from sumo_net.settings import settings
 from sumo_net.snapshot import Snapshot
 from sumo_net.traffic import Traffic
@@ -19,6 +19,7 @@ from sumo_net.traffic import Traffic
 Array = np.ndarray[Any, Any]
 
 STEP_S = 0.1
+KINDS = "braking", "cut-in"
 _CUT_IN_S = 3.0  # for so long it stays on the lane it has cut into
 
 
@@ -59,7 +60,7 @@ class IncidentMaker:
     def __init__(self, options: Incidents, traffic: Traffic, seed: int) -> None:
         self._options, self._traffic, self._seed = options, traffic, seed
         self._influence = Influence(traffic)
-        self._keys: dict[tuple[int, str], np.uint64] = {}
+        self._keys = {kind: np.zeros(0, np.uint64) for kind in KINDS}  # by handle
         self._away: dict[int, tuple[float, float]] = {}  # follower: until when, his own reaction time
         self._cutting_in: dict[int, tuple[float, int]] = {}  # until when, lane-change mode before
         self._steps = 0
@@ -90,16 +91,21 @@ class IncidentMaker:
         self, snapshot: Snapshot, rows: Array, kind: str, per_h: float
     ) -> Iterator[tuple[int, _Draws]]:
         chance = per_h / 3600.0 * STEP_S
-        for i in rows.tolist() if chance > 0.0 else []:
-            key = self._key(int(snapshot.handle[i]), kind)
-            if uniform(key, 4 * self._steps) < chance:
-                yield i, _Draws(*(float(uniform(key, 4 * self._steps + k)) for k in range(4)))
+        if chance <= 0.0 or not len(rows):
+            return
+        keys = self._keys_of(snapshot.handle[rows], kind)
+        for k in np.flatnonzero(uniforms(keys, 4 * self._steps) < chance).tolist():
+            draws = (float(uniform(keys[k], 4 * self._steps + j)) for j in range(4))
+            yield int(rows[k]), _Draws(*draws)
 
-    def _key(self, handle: int, kind: str) -> np.uint64:
-        if (handle, kind) not in self._keys:
-            name = self._traffic.vehicle_id(handle)
-            self._keys[handle, kind] = stream_key(self._seed, name, kind)
-        return self._keys[handle, kind]
+    def _keys_of(self, handles: Array, kind: str) -> Array:
+        known = self._keys[kind]
+        if handles.max() >= len(known):
+            known = np.concatenate([known, np.zeros(handles.max() + 1 - len(known), np.uint64)])
+            self._keys[kind] = known
+        for handle in handles[known[handles] == 0].tolist():
+            known[handle] = stream_key(self._seed, self._traffic.vehicle_id(handle), kind)
+        return known[handles]
 
     def _brake(self, snapshot: Snapshot, i: int, draws: _Draws, time: float) -> None:
         o = self._options

@@ -46,6 +46,15 @@ def uniform(key, counter):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def uniforms(keys, counter):  # type: ignore[no-untyped-def]
+    """The uniform draw of each of keys (n,), (n,)."""
+    out = np.empty(len(keys))
+    for i in range(len(keys)):
+        out[i] = uniform(keys[i], counter)
+    return out
+
+
+@kernel
 def normal(key, counter):  # type: ignore[no-untyped-def]
     """A standard normal draw of (key, counter) by Box and Muller; uses the counter's two halves."""
     u1 = 1.0 - uniform(key, np.uint64(2) * np.uint64(counter))

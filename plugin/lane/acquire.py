@@ -102,7 +102,7 @@ def ridge_points(frame, rows, p, t, noise, work, ridge, point):  # type: ignore[
             count = candidates(
                 frame,
                 height - 1 - int(rows[r]),
-                3,
+                np.int64(3),  # a literal 3 would make another compiled variant
                 (vanishing_x - column) / (vanishing_y - rows[r]),
                 column,
                 half,

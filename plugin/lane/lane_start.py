@@ -113,7 +113,7 @@ def start(frame, left, right, given, rows, p, speed, t, work, room, x, P):  # ty
                 continue
             predict_spread(trial, P, 0.0, rows, p, t, work)
             parabola_as_candidates(left, right, rows, work)
-            if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 3, work):
+            if not fit(trial, 0.0, predicted, rows, p, t, 1.0, np.int64(3), work):
                 continue
         else:
             if room.score[attempt] <= 0.0:
@@ -132,14 +132,14 @@ def start(frame, left, right, given, rows, p, speed, t, work, room, x, P):  # ty
             continue
         noise = pixel_noise(frame, rows, work)
         gather(frame, rows, t, noise, work)
-        if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 6, work):
+        if not fit(trial, 0.0, predicted, rows, p, t, 1.0, np.int64(6), work):
             continue
         # again around the first result, with what it left open
         if not invert(work.information, work.factor, room.covariance):
             continue
         predict_spread(trial, room.covariance, 0.0, rows, p, t, work)
         gather(frame, rows, t, noise, work)
-        if not fit(trial, 0.0, predicted, rows, p, t, 1.0, 5, work):
+        if not fit(trial, 0.0, predicted, rows, p, t, 1.0, np.int64(5), work):
             continue
         found_left, expected_left = tally(work, LEFT)
         found_right, expected_right = tally(work, RIGHT)

@@ -134,14 +134,25 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
                 if status == TENTATIVE or misses > t.patience_frames or not plausible(x, speed[i], t):
                     status = SEARCHING
         seen_m = farthest_found(rows, x, p, work) if seen_left or seen_right else 0.0
-        doubtful = False
+        doubtful = np.bool_(False)
         for side in range(2):
             seen_lately = max(new.found[i, side], old.found[i, side])
             doubtful = doubtful or seen_lately < 0.6 * new.share[i, side]
         if status != SEARCHING and second_look(status, age, misses, doubtful):
             support = support_of(work) if seen_left or seen_right else 0
             fresh = start(
-                frames[i], left[i], right[i], False, rows, p, speed[i], t, work, room, room.x, room.P
+                frames[i],
+                left[i],
+                right[i],
+                np.bool_(False),
+                rows,
+                p,
+                speed[i],
+                t,
+                work,
+                room,
+                room.x,
+                room.P,
             )
             aside = abs(abs(room.x[OFFSET] - x[OFFSET]) - x[WIDTH])
             beside = misses == 0 and aside < NEXT_LANE_M  # the same lines, taken for those of the next lane

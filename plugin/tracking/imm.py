@@ -80,6 +80,11 @@ def update(
     return ImmState(x, P, mu), sound
 
 
+def mean(state: ImmState) -> Array:
+    """The mixture's mean (T, n), which is `combine(state).x`."""
+    return np.asarray(kernels.means(state.x, state.mu))
+
+
 def combine(state: ImmState) -> Gaussian:
     """Step 4: mean and covariance of the mixture."""
     return Gaussian(*kernels.combine(*state))

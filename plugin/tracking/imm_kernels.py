@@ -98,6 +98,18 @@ def update(x, P, mu, z, seen, H, R, angle):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def means(x, mu):  # type: ignore[no-untyped-def]
+    """The mean (T, n) of step 4 alone."""
+    tracks, r, n = len(x), x.shape[1], STATES
+    mean = np.zeros((tracks, n))
+    for t in range(tracks):
+        for j in range(r):
+            for a in range(n):
+                mean[t, a] += mu[t, j] * x[t, j, a]
+    return mean
+
+
+@kernel
 def combine(x, P, mu):  # type: ignore[no-untyped-def]
     """Step 4: mean (T, n) and covariance (T, n, n) of the mixture, with the spread of the means."""
     tracks, r, n = len(x), x.shape[1], STATES

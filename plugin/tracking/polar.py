@@ -120,7 +120,7 @@ class PolarFilter:
         return ImmState(state.x, P, mu)
 
     def estimate(self, state: ImmState, owner: Array, sensor: SensorMotion) -> Estimate:
-        r, rate, a_r, azimuth, lam, a_lam = imm.combine(state).x.T
+        r, rate, a_r, azimuth, lam, a_lam = imm.mean(state).T
         c, s = np.cos(azimuth), np.sin(azimuth)
         across = r * lam
         a_t = r * a_lam

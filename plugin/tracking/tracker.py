@@ -139,7 +139,7 @@ class Tracker:
         order = np.argsort(detections.owner, kind="stable")
         sorted_detections = select(detections, order)
 
-        state = _select(state, dt[state.tracks.owner] <= options.coast_s)
+        state = _kept(state, dt[state.tracks.owner] <= options.coast_s)
         state = state._replace(filter=self._filter.predict(state.filter, state.tracks.owner, dt, sensor))
         lost = self._filter.lost(state.filter)
         if lost.any():
@@ -155,13 +155,14 @@ class Tracker:
         free = ~suppressed
         free[chosen[seen]] = False
         alive &= seen | ~_named(tracks, sorted_detections, free)  # the target has jumped away from its track
-        state, chosen = _select(state._replace(tracks=tracks), alive), chosen[alive]
+        state, chosen = _kept(state._replace(tracks=tracks), alive), chosen[alive]
 
         begun = np.flatnonzero(free)
-        state = self._begin(state, select(sorted_detections, begun), sensor)
-        chosen = np.concatenate([chosen, begun])
-        by_owner = np.argsort(state.tracks.owner, kind="stable")
-        state, chosen = _select(state, by_owner), chosen[by_owner]
+        if len(begun):
+            state = self._begin(state, select(sorted_detections, begun), sensor)
+            chosen = np.concatenate([chosen, begun])
+            by_owner = np.argsort(state.tracks.owner, kind="stable")
+            state, chosen = _select(state, by_owner), chosen[by_owner]
         return self._classify(state, chosen, order, ego, sensor)
 
     def _associate(
@@ -174,6 +175,7 @@ class Tracker:
         if lost.any():
             state = self._restart(state, lost)
             expected, S = self._filter.expect(state.filter, tracks.owner, sensor)
+        expected, S = np.ascontiguousarray(expected), np.ascontiguousarray(S)
         z, rows = self._filter.measure(detections), np.arange(n + 1)
         track, detection, distance = gate_pairs(
             expected,
@@ -226,8 +228,6 @@ class Tracker:
     def _begin(self, state: TrackerState, detections: Detections, sensor: SensorMotion) -> TrackerState:
         """New tracks; one with a given target is confirmed at once, its association being certain."""
         count = len(detections.owner)
-        if count == 0:
-            return state
         owner = detections.owner  # sorted: number the new tracks within each vehicle
         within = np.arange(count) - np.searchsorted(owner, owner)
         ones, zeros = np.ones(count, np.int64), np.zeros(count, np.int64)
@@ -280,6 +280,10 @@ def _select(state: TrackerState, index: Array) -> TrackerState:
         filter=select(state.filter, index),
         classes=select(state.classes, index),
     )
+
+
+def _kept(state: TrackerState, mask: Array) -> TrackerState:
+    return state if mask.all() else _select(state, np.flatnonzero(mask))
 
 
 def _check(detections: Detections, dt: Array) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 
 from camera_synth.camera import Camera, projection
 from camera_synth.condition import Condition, looks, preset
-from camera_synth.render import Pose, new_frames, render
+from camera_synth.pose import Pose
+from camera_synth.render import new_frames, render
 from sumo_net.randomness import stream_key
 from sumo_net.road import RoadAhead
 from sumo_net.surroundings import Objects

@@ -7,8 +7,9 @@ from test_markings import LANE, border, columns
 
 from camera_synth.camera import Camera, projection
 from camera_synth.condition import looks, preset
-from camera_synth.render import Pose
-from camera_synth.truth import border_columns
+from camera_synth.pose import Pose
+from camera_synth.render import new_frames, render
+from camera_synth.truth import border_columns, new_border_columns
 from sumo_net.road import OWN_RIGHT, SOLID
 from tests.roads import no_objects, objects_at, road_ahead
 
@@ -65,6 +66,18 @@ def test_paint_that_is_gone_is_not_painted() -> None:
                 contrast = float(row_of(frame, y)[round(column)]) - float(gone.asphalt_grey)
                 agree.append((contrast > 25.0) == found.painted[0, 0, y])
     assert np.mean(agree) > 0.95
+
+
+def test_render_gives_the_same_borders_beside() -> None:
+    road = road_ahead(1 / 400.0, station_m=1003.0)
+    body = objects_at([[{"forward_m": 27.0, "left_m": 1.9, "handle": 8}]])
+    p, days, truth = projection(Camera()), looks(preset("complex"), 1), new_border_columns(1)
+    key, counter = np.array([3], np.uint64), np.array([4])
+    render(new_frames(1), p, road, body, ORIGIN, days, key, counter, 90, (SLOT, truth))
+    wanted = border_columns(p, road, body, SLOT, days, ORIGIN)
+    np.testing.assert_array_equal(truth.column, wanted.column)
+    np.testing.assert_array_equal(truth.painted, wanted.painted)
+    assert np.isfinite(truth.column).any()
 
 
 def test_hidden_by_a_body() -> None:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from shots import keys_of, shoot
 
-from camera_synth.camera import Camera, projection
+from camera_synth.camera import PROCESSED_FROM, Camera, projection
 from camera_synth.condition import PRESETS, looks, preset
-from camera_synth.render import PROCESSED_FROM, Pose, new_frames, render
+from camera_synth.pose import Pose
+from camera_synth.render import new_frames, render
 from sumo_net.batch import join, select
 from tests.roads import objects_at, road_ahead
 

@@ -247,3 +247,47 @@ def test_leader_by_place() -> None:
     found = path_leaders(truth, objects_at([[beside, leader, cutting_in]]), table, 1.6)
     assert found.handle.tolist() == [7]
     assert path_leaders(truth, objects_at([[beside]]), table, 1.6).handle.tolist() == [-1]
+
+
+def test_leader_by_place_is_the_one_that_projecting_every_body_finds() -> None:
+    """In a bend of 80 m: against the search without the quick rejection, over random bodies."""
+    from sumo_net.ego import EgoTruth
+    from sumo_net.road_kernels import project
+    from sumo_net.road_table import MAX_BORDERS, RoadTable
+
+    count, radius = 301, 80.0
+    turn = np.arange(float(count)) / radius
+    x, y = radius * np.sin(turn), radius * (1.0 - np.cos(turn))
+    table = RoadTable(
+        *(np.array([v]) for v in (0, count)), *(np.array([v]) for v in (1.0, 0.0, 300.0, 300.0)),
+        np.array([0]), np.array([1]), x, y, turn, np.full(count, 1.0 / radius),
+        np.zeros(1), np.zeros(1), np.ones(1), np.full((1, MAX_BORDERS), np.nan),
+        np.zeros((1, MAX_BORDERS), np.int8), np.zeros(1), np.zeros(1),
+    )  # fmt: skip
+    one = np.zeros(1)
+    truth = EgoTruth(
+        np.array([3]), np.zeros(1, np.int32), one, one, one, one, one, one,
+        one + 20.0, one, one, one, one, one, one, one, one + 3.75,
+        np.zeros(1, np.int32), *(np.zeros(1, np.int8) for _ in range(4)), np.ones(1, bool),
+    )  # fmt: skip
+    draw = np.random.default_rng(4)
+    found_any = 0
+    for _ in range(300):
+        bodies = [
+            {"forward_m": float(f), "left_m": float(left), "handle": k, "speed_mps": 5.0}
+            for k, (f, left) in enumerate(zip(draw.uniform(5, 75, 8), draw.uniform(-10, 80, 8), strict=True))
+        ]
+        objects = objects_at([bodies])
+        near, who = np.inf, -1
+        for m, body in enumerate(bodies):
+            s, d = project(table, 0, body["forward_m"], body["left_m"], body["forward_m"])
+            half = 0.5 * float(objects.width_m[0, m])
+            straight = abs(body["left_m"]) <= half + 0.9 and body["forward_m"] <= 40.0
+            gap = s - 1.6 - 0.5 * float(objects.length_m[0, m])
+            ahead = body["forward_m"] - 1.6 - 0.5 * float(objects.length_m[0, m])
+            if (straight or abs(d) <= 0.5 * 3.75 + half - 0.3) and ahead < near and gap < near:
+                near, who = gap, body["handle"]
+        found = path_leaders(truth, objects, table, 1.6)
+        assert found.handle.tolist() == [who]
+        found_any += who >= 0
+    assert found_any > 50

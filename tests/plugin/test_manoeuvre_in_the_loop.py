@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from manoeuvre import drive, lane_change_steer
 
-from camera_synth.camera import Camera, projection
+from camera_synth.camera import PROCESSED_FROM, Camera, projection
 from camera_synth.condition import looks, preset
-from camera_synth.render import PROCESSED_FROM, Pose, new_frames, render
+from camera_synth.pose import Pose
+from camera_synth.render import new_frames, render
 from plugin.lane import genetic, refine
 from plugin.lane.genetic import fitted_to, search_numbers
 from plugin.motion import observer

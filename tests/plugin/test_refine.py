@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 
 from camera_synth.camera import Camera, image_from_vehicle, projection
 from camera_synth.condition import looks, preset
-from camera_synth.render import Pose, new_frames, render
+from camera_synth.pose import Pose
+from camera_synth.render import new_frames, render
 from plugin.lane import lane_motion, refine, refine_fit, road_model
 from plugin.lane.refine import Refine, init, needs_search, step
 from sumo_net.batch import join, select
