@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
@@ -51,11 +51,13 @@ def test_equals_the_transcription(seed, left, right):
     assert score[0, 1] == pytest.approx(block_by_block(frame[0], right, "right"), abs=2e-4)
 
 
-@given(st.integers(0, 2**32 - 1), st.floats(-0.004, 0.004), st.floats(0.1, 2.5), st.integers(-60, 120))
+@given(st.integers(0, 2**32 - 1), st.floats(-0.004, 0.004), st.floats(0.1, 2.5), st.floats(-60, 120))
 @examples(max_examples=30, deadline=None)
 def test_mirroring_the_frame_swaps_the_borders(seed, a, b, c):
+    y = 1.0 + 3.0 * np.arange(50)
+    between = np.mod(a * y**2 + b * y + c, 1.0) - 0.5
+    assume(np.abs(between).min() > 1e-6)  # a centre exactly between two columns rounds up in both images
     frame = np.random.default_rng(seed).integers(0, 256, (1, 240, 320)).astype(np.uint8)
-    c += 0.25  # a centre exactly between two columns rounds up in both images
     border, mirrored = np.array([[a, b, c]]), np.array([[-a, -b, 319.0 - c]])
     score = objective(frame, border, mirrored)
     again = objective(frame[:, :, ::-1].copy(), border, mirrored)
