@@ -13,7 +13,8 @@ from plugin.tracking.detections import Detections, EgoMotion
 from plugin.tracking.tracker import Tracker, TrackerSettings, TrackerState, TrackList
 from plugin.warning import collision
 from plugin.warning.collision import Collision, CollisionState, CollisionWarning, InPath
-from radar_synth.radar import OwnMotion, ScanTruth, Sightings, flatten, scan
+from radar_synth.radar import OwnMotion, ScanTruth, Sightings
+from radar_synth.scan import flatten, scan
 from radar_synth.visibility import objects_in_view
 from sumo_net.batch import select
 from sumo_net.ego import EgoTruth

@@ -1,4 +1,4 @@
-"""The front radar of a fleet: settings, and scans of what stands and drives around.
+"""The front radar of a fleet: settings, and what its scans consist of.
 
 Everything is in the vehicle's axes (ISO 8855): azimuth left of the vehicle's axis, range from the radar,
 range rate positive when opening. The radar looks straight ahead.
@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from sumo_net.settings import settings
-from sumo_net.surroundings import Objects
 
 Array = np.ndarray[Any, Any]
 
@@ -146,16 +145,6 @@ class ScanTruth(NamedTuple):
     vy_mps: Array
 
 
-class Flat(NamedTuple):
-    """The detections of a fleet's scan one after the other, (D,) each, by vehicle."""
-
-    owner: Array  # int64, row of the vehicle
-    column: Array  # int64, place in the Scan (and in the ScanTruth)
-    range_m: Array
-    range_rate_mps: Array
-    azimuth_rad: Array
-
-
 def numbers(radar: Radar) -> RadarNumbers:
     """The kernel's view of the settings."""
     r = radar
@@ -179,38 +168,4 @@ def numbers(radar: Radar) -> RadarNumbers:
         second=r.second_reflection_m,
         second_probability=r.second_probability,
         least_hiding=r.least_hiding_m,
-    )
-
-
-def scan(
-    radar: Radar, objects: Objects, motion: OwnMotion, keys: Array, counter: Array
-) -> tuple[Scan, ScanTruth, Sightings]:
-    """One scan of n vehicles.
-
-    Parameters
-    ----------
-    objects : bodies around, for which `visibility.objects_in_view` looks.
-    keys : (n,) uint64, each vehicle's `stream_key(seed, vehicle_id, "radar")`.
-    counter : (n,) int64, number of the scan.
-
-    The result of a vehicle depends on nothing but its own rows, and not on the order of its objects.
-    """
-    from radar_synth.degrade import measure
-    from radar_synth.visibility import sightings
-
-    seen = sightings(radar, objects, motion)
-    reported, behind = measure(radar, objects, seen, keys, counter)
-    return reported, behind, seen
-
-
-def flatten(reported: Scan) -> Flat:
-    """The used places of a Scan as flat arrays, for trackers."""
-    columns = reported.range_m.shape[1]
-    owner, column = np.nonzero(np.arange(columns) < reported.detections[:, None])
-    return Flat(
-        owner,
-        column,
-        reported.range_m[owner, column],
-        reported.range_rate_mps[owner, column],
-        reported.azimuth_rad[owner, column],
     )

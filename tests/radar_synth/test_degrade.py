@@ -7,7 +7,8 @@ import pytest
 from pydantic import ValidationError
 
 from radar_synth.degrade import detection_probability
-from radar_synth.radar import Beam, OwnMotion, Radar, Scan, ScanTruth, flatten, scan
+from radar_synth.radar import Beam, OwnMotion, Radar, Scan, ScanTruth
+from radar_synth.scan import flatten, scan
 from sumo_net.batch import select
 from sumo_net.randomness import stream_key
 from sumo_net.surroundings import Objects
