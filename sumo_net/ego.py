@@ -64,6 +64,7 @@ class Motion(NamedTuple):
     lateral_speed_mps: Array  # (n,)
     yaw_rate_rps: Array  # (n,)
     steer_rad: Array  # (n,)
+    lane_position_m: Array  # (n,) SUMO's; NaN where it counted along another lane, or there was none
 
 
 class Drive(NamedTuple):
@@ -131,6 +132,7 @@ class Ego:
         for i in changed:
             new_path[i] = self._path_of(int(now.handle[i]), now.lane[i], motion.lane[i])
         motion.lane[:] = now.lane
+        motion.lane_position_m[changed] = np.nan
         table, bumper = self._roads.table, self._vehicle.bumper_m
         onto_paths(
             motion, mind, self._traits, table, changed, new_path,

@@ -17,6 +17,7 @@ from sumo_net.road_table import OWN_RIGHT
 LANE_CHANGE_M = 1.5  # a path that lies so far beside the last one is SUMO's lane change
 JUMP_M = 5.0  # a vehicle found so far from where it should be was moved: it begins anew
 SIGHT_S = 3.0  # drivers look away, or doze off, only where the road is calm so far ahead
+ODD_WAY_M = 0.5  # a step's way so far from what the speed says is no driving
 CLOSE_UP_S = 3.0  # time constant in which a difference to SUMO's place along the road fades
 _MOST_HEADING_RAD = 1.2
 
@@ -88,16 +89,21 @@ def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper,
         path = motion.path[i]
         along = stretch_of(table, path) * speed[i]
         place = station_of(table, path, lane_position[i]) - bumper
-        # The vehicle moves at SUMO's speed (its Euler step) and closes up on SUMO's place slowly: where lanes
-        # join or change, SUMO's lengths and the path's differ by up to a metre, too much for one step.
-        lead = motion.station_m[i] + STEP_S * along - place
+        # The vehicle moves as far as SUMO's does on its lane (whose step may be Euler or ballistic) and closes
+        # up on SUMO's place slowly: where lanes join or change, SUMO's lengths and the path's differ by up to
+        # a metre, too much for one step. There, and where SUMO has moved it elsewhere, the speed tells the way.
+        way = place + bumper - station_of(table, path, motion.lane_position_m[i])
+        if not abs(way - STEP_S * along) < ODD_WAY_M:
+            way = STEP_S * along
+        motion.lane_position_m[i] = lane_position[i]
+        lead = motion.station_m[i] + way - place
         line, _, _ = reference(mind, traits, i)
         if not (
             abs(lead) < JUMP_M
             and abs(motion.offset_m[i] - line) < 2.0 * JUMP_M
             and abs(motion.heading_rad[i]) < _MOST_HEADING_RAD
         ):
-            settle(motion, mind, traits, i, table, place - STEP_S * along, along, c, p)
+            settle(motion, mind, traits, i, table, place - way, along, c, p)
             lead = 0.0
         lead *= 1.0 - fade * min(1.0, along / c.slow)
         station = max(place + lead, motion.station_m[i])

@@ -309,6 +309,21 @@ def test_stop_and_go(built) -> None:
     assert moved.max() < 2.6
 
 
+@pytest.mark.parametrize("share", [1.0, 0.5], ids=["Euler", "ballistic"])
+def test_a_braking_vehicle_stays_where_sumo_has_it(built, share: float) -> None:
+    """Whatever the integration of SUMO's step: with actionStepLength in a vType it is ballistic."""
+    traffic = MadeUpTraffic(built, 3, 30.0)
+    ego = Ego(RoadNetwork.from_highway(built), traffic, 5, Driver(**STILL))
+    drive(ego, traffic, 10)
+    begin, place = drive(ego, traffic, 1)[-1].station_m, traffic.position.copy()
+    for _ in range(30):
+        before = traffic.speed.copy()
+        traffic.speed[:] = np.maximum(before - 0.9, 0.0)
+        traffic.position += 0.1 * (1.0 - share) * (before - traffic.speed)  # beyond the Euler step of `move`
+        truth = drive(ego, traffic, 1)[-1]
+    assert truth.station_m - begin == pytest.approx(traffic.position - place, rel=2e-3)
+
+
 def test_alerted_handles_reach_their_drivers(built) -> None:
     traffic = MadeUpTraffic(built, 4, 25.0)
     sleepy = Driver(sleepy_share=1.0, microsleep_per_min=60.0, microsleep_least_s=10.0)
