@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from plugin.assistance import DriverAssistance
-from plugin.configuration import Configuration, load_configuration
+from plugin.configuration import CONFIGURATION, Configuration, load_configuration
 from sumo_net.scenario import prepare
 from sumo_net.traffic import Traffic
 
@@ -25,6 +25,7 @@ def settings_of(
     fraction: float | None = None,
     mode: str | None = None,
     condition: str | None = None,
+    frames: int | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Configuration:
     """The settings of a scenario (name, .toml or .sumocfg) with what else was given. Raises SettingsError."""
@@ -33,6 +34,8 @@ def settings_of(
     given |= {name: value for name, value in options.items() if value is not None}
     if fraction is not None:
         given["equipment"] = {**given.get("equipment", {}), "fraction": fraction}
+    if frames is not None:
+        given["recording"] = {**given.get("recording", {}), "frames": frames}
     return load_configuration(scenario, given)
 
 
@@ -51,14 +54,14 @@ def simulate(
     What has been computed is written also when the run is interrupted. Raises SettingsError or TrafficError.
     """
     configuration = settings_of(scenario, **options)
-    name = Path(scenario).name.split(".")[0]
+    name = name_of(scenario)
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
         prepared = prepare(configuration, Path(work))
         console = Console(stderr=True, highlight=False, quiet=quiet)
         for note in prepared.notes:
             console.print(f"note: {note}", markup=False)
         with (
-            _between_steps() as stop_here,
+            between_steps() as stop_here,
             Traffic.start(prepared.arguments) as traffic,
             DriverAssistance(
                 traffic,
@@ -69,24 +72,44 @@ def simulate(
                 run_id=f"{name}-{configuration.seed}",
                 threads=threads,
                 compare_paper=compare_paper,
+                scenario=scenario,
             ) as adas,
-            _progress(console) as progress,
         ):
-            first = f"{name}: starting (compiles once, about a minute)"
-            task = progress.add_task(first, total=prepared.recorded_steps, vehicles=0)
-            for _ in range(prepared.warm_up_steps):
-                traffic.step()
-                stop_here()
-            for _ in range(prepared.recorded_steps):
-                traffic.step()
-                adas.step()
-                progress.update(task, description=name, advance=1, vehicles=len(adas.vehicles))
-                stop_here()
+            drive(traffic, adas, prepared.warm_up_steps, prepared.recorded_steps, name, console, stop_here)
     return out
 
 
+def name_of(scenario: str) -> str:
+    """What a run of `scenario` is called: a built-in name, or the file's name without its suffixes."""
+    path = Path(scenario)
+    return (path.parent.name if path.name == CONFIGURATION else path.name.split(".")[0]) or "run"
+
+
+def drive(
+    traffic: Traffic,
+    adas: DriverAssistance,
+    warm_up_steps: int,
+    steps: int,
+    name: str,
+    console: Console,
+    stop_here: Callable[[], None],
+) -> None:
+    """SUMO alone for the warm-up, then with the assistance; `stop_here` is called where it may end."""
+    with _progress(console) as progress:
+        first = f"{name}: starting (compiles once, about a minute)"
+        task = progress.add_task(first, total=steps, vehicles=0)
+        for _ in range(warm_up_steps):
+            traffic.step()
+            stop_here()
+        for _ in range(steps):
+            traffic.step()
+            adas.step()
+            progress.update(task, description=name, advance=1, vehicles=len(adas.vehicles))
+            stop_here()
+
+
 @contextlib.contextmanager
-def _between_steps() -> Iterator[Callable[[], None]]:
+def between_steps() -> Iterator[Callable[[], None]]:
     """Holds a Ctrl-C back until the function that it gives is called: no step, no table is cut in two.
 
     A second one interrupts at once. Only the main thread gets signals; elsewhere nothing is held back.

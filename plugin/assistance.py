@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 
 from camera_synth.pose import Pose
-from plugin import rear_end
-from plugin.configuration import Configuration, configuration_from, versions
+from plugin import capture, rear_end
+from plugin.capture import Capture, Moment, Watch
+from plugin.configuration import Configuration, configuration_from, versions, write_configuration
 from plugin.ground_truth import curvature_ahead, margins, true_motion
 from plugin.motion import observer, prediction
 from plugin.motion.estimate import MotionEstimate, Trajectory
@@ -67,11 +68,18 @@ class DriverAssistance:
         seed: int | None = None,
         threads: int | None = None,
         compare_paper: bool = False,
+        watch: Watch | None = None,
+        scenario: str = "",
     ) -> None:
-        """`network`: where the smooth road comes from, by default the network file that SUMO has loaded."""
+        """`network`: where the smooth road comes from, by default the network file that SUMO has loaded.
+
+        `watch`: whose camera frames are kept and where; default: those of `recording.frames`, in `out`.
+        `scenario`: what the run can be repeated from, for configuration.json; none in a loop of your own.
+        """
         self.configuration = configuration
         self._traffic = traffic
         seed = configuration.seed if seed is None else seed
+        self._watch = _watch(watch, configuration.recording.frames, out)
         if isinstance(network, BuiltNetwork):
             self._roads = RoadNetwork.from_highway(network)
         else:
@@ -92,6 +100,12 @@ class DriverAssistance:
         self._tracked = self._ranging.no_tracks()
         self._state = self._fresh(np.zeros(0, np.int64))
         self.recorder = Recorder(run_id, out, formats)
+        if out is not None:
+            capture.clear(out / capture.FRAMES)
+            write_configuration(out, configuration, run_id, scenario, compare_paper)
+        self._capture = (
+            None if self._watch is None else Capture(self._watch, self._vision, configuration, run_id)
+        )
         self._rear_end = rear_end.RearEndScorer(self.recorder, traffic, self._roads, configuration)
         self._names: dict[int, str] = {}
         self._listeners = Listeners(configuration.reaction, seed, traffic.vehicle_id)
@@ -121,7 +135,7 @@ class DriverAssistance:
         equip : share of the vehicles that are equipped; default: that of the settings.
         seed : of equipment, drivers and sensors.
         settings : a Configuration, a nested mapping with the same keys, or a TOML file.
-        options : `out`, `formats`, `run_id`, `threads`, `compare_paper`, as for the class.
+        options : `out`, `formats`, `run_id`, `threads`, `compare_paper`, `watch`, as for the class.
 
         Raises TrafficError or SettingsError, before anything is changed.
         """
@@ -162,14 +176,22 @@ class DriverAssistance:
         self._end_s = self._traffic.time_s
         if self._steps == 1:
             self._begin_s = self._end_s
-        self._follow_fleet(truth.handle)
+        spans = self._ego.half_span_m()
         if len(truth.handle):
             self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
             self._bend_speed.step(truth, self._roads.table)
-            self._drive(self._lane_changes.step(snapshot, equipped), truth)
+            snapshot = self._lane_changes.step(snapshot, equipped)
+            if self._capture is not None and self._watch is not None and self._watch.alone:
+                seen = self._capture.watched(truth.handle)
+                truth, spans = select(truth, seen), spans[seen]
+        self._follow_fleet(truth.handle)
+        if len(truth.handle):
+            self._drive(snapshot, truth, spans)
         if self._steps % SETTLE_EVERY_STEPS == 0:
             self._scorer.settle(self._traffic.time_s)
             self._rear_end.settle(self._traffic.time_s)
+            if self._capture is not None:
+                self._capture.settle()
 
     def close(self) -> None:
         """Score and write what is left; safe to call twice. The simulation goes on."""
@@ -179,6 +201,8 @@ class DriverAssistance:
             self._rear_end.settle(np.inf, final=True)
             self.recorder.append("runs", self._run_row())
             self.recorder.close()
+            if self._capture is not None:
+                self._capture.close()
             self._vision.close()
 
     def _run_row(self) -> dict[str, list[Any]]:
@@ -207,7 +231,10 @@ class DriverAssistance:
                 self._equipped = np.concatenate([self._equipped, np.zeros_like(self._equipped)])
             chosen = self._choice.choose(self._traffic, new)
             self._equipped[chosen] = True
-            self._names.update((handle, self._traffic.vehicle_id(handle)) for handle in chosen)
+            names = {handle: self._traffic.vehicle_id(handle) for handle in chosen}
+            self._names.update(names)
+            if self._capture is not None:
+                self._capture.arrived(names)
         return np.asarray(self._equipped[snapshot.handle])
 
     def _fresh(self, handle: Array) -> FleetState:
@@ -233,7 +260,7 @@ class DriverAssistance:
         rows = np.array([before.get(one, -1) for one in handle.tolist()], np.int64)
         self._tracked = self._ranging.reindex(self._tracked, rows)
 
-    def _drive(self, snapshot: Snapshot, truth: EgoTruth) -> None:
+    def _drive(self, snapshot: Snapshot, truth: EgoTruth, spans: Array) -> None:
         configuration, state = self.configuration, self._state
         ahead = road_ahead(
             self._roads.table, truth.path, truth.station_m, truth.path_offset_m, truth.path_heading_rad
@@ -244,7 +271,6 @@ class DriverAssistance:
         speed = truth.speed_mps
         vision, sight = self._vision.step(state.vision, scene, speed)
         observing, motion = observer.step(state.observer, self._observing, sight.lane, speed)
-        spans = self._ego.half_span_m()
         paths, crossings = self._foresee(motion, speed, spans)
         actual = true_motion(truth, ahead, self._preview_m)
         actual_path = prediction.predict(actual, speed, self._predicting)
@@ -267,6 +293,9 @@ class DriverAssistance:
         columns["true_state"] = self._points(actual_path)
         columns |= self._rear_end.add(snapshot, truth, echo)
         self._scorer.add(columns)
+        if self._capture is not None:
+            now = Moment(self._traffic.time_s, truth.handle, state.vision, scene, sight, paths["predicted"])
+            self._capture.add(now, self._rear_end)
 
     def _foresee(
         self, motion: MotionEstimate, speed: Array, spans: Array
@@ -355,6 +384,14 @@ class DriverAssistance:
             "ldw_state": warning.code,
             "warning_side": warning.side.astype(np.int64),
         }
+
+
+def _watch(watch: Watch | None, count: int, out: Path | None) -> Watch | None:
+    if watch is not None or not count:
+        return watch
+    if out is None:
+        raise ValueError(f"recording.frames = {count}: frames need a directory, name one as `out`")
+    return Watch(out / capture.FRAMES, count=count)
 
 
 class Tables(Mapping[str, pd.DataFrame]):

@@ -8,7 +8,7 @@ import platform
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -30,7 +30,7 @@ from radar_synth.radar import Radar
 from sumo_net.driver import Driver
 from sumo_net.roadside import Roadside
 from sumo_net.scenario import Scenario, laid_over, scenario_mapping
-from sumo_net.settings import SettingsError, read, settings
+from sumo_net.settings import SettingsError, read, read_json, settings
 from sumo_net.vehicle import Vehicle
 
 
@@ -103,6 +103,50 @@ def configuration_from(mapping: Mapping[str, Any], source: str = "settings") -> 
             raise SettingsError(f"{source}: condition.preset = {name!r}: known are {', '.join(PRESETS)}")
         mapping["condition"] = {**preset_settings(name), **condition}
     return read(Configuration, mapping, source)
+
+
+CONFIGURATION = "configuration.json"
+
+
+class RunSettings(NamedTuple):
+    """What `configuration.json` beside a run's tables says."""
+
+    configuration: Configuration
+    run_id: str
+    scenario: str  # as it was named; '' in a loop of the user's own
+    compare_paper: bool
+    versions: str
+
+
+def write_configuration(
+    directory: Path, configuration: Configuration, run_id: str, scenario: str, compare_paper: bool
+) -> None:
+    """Write the settings of a run beside its tables; `sumo-adas run DIR/configuration.json` repeats it."""
+    content = {
+        "run_id": run_id,
+        "scenario": scenario,
+        "compare_paper": compare_paper,
+        "configuration_hash": configuration.hash,
+        "versions": versions(),
+        "settings": dataclasses.asdict(configuration),
+    }
+    text = json.dumps(content, indent=1, ensure_ascii=False)
+    (directory / CONFIGURATION).write_text(text + "\n", encoding="utf-8")
+
+
+def read_configuration(directory: Path) -> RunSettings:
+    """The settings of the run whose tables lie in `directory`. Raises SettingsError."""
+    content = read_json(directory / CONFIGURATION)
+    settings = content.get("settings")
+    if not isinstance(settings, dict):
+        raise SettingsError(f"{directory / CONFIGURATION}: holds no settings of a run")
+    return RunSettings(
+        configuration_from(settings, str(directory / CONFIGURATION)),
+        str(content.get("run_id", "")),
+        str(content.get("scenario", "")),
+        bool(content.get("compare_paper", False)),
+        str(content.get("versions", "")),
+    )
 
 
 def versions() -> str:

@@ -37,6 +37,7 @@ class RearEndScorer:
         self._pending: list[dict[str, Array]] = []  # rows of `tracks`
         self._recording = configuration.recording
         self._scans = 0
+        self.latest_tracks: dict[str, Array] = {}  # of the last step, also those that are not recorded
         self.conflicts = 0
         self.warnings = 0  # of the reminder level
 
@@ -50,7 +51,7 @@ class RearEndScorer:
         self._book.add(
             time, truth.handle, leader, by_place, visible, truth.speed_mps, warning.level, warning.ttc_s
         )
-        tracks = self._tracks.step(truth, echo)
+        self.latest_tracks = tracks = self._tracks.step(truth, echo)
         if self._recording.tracks:
             kept = slice(None) if self._scans % self._recording.roadside_every == 0 else tracks["target"] >= 0
             rows = {name: part[kept] for name, part in tracks.items()}
@@ -73,6 +74,10 @@ class RearEndScorer:
             "true_ttc_s": leader.ttc_s,
             "true_leader_visible": visible,
         }
+
+    def track_rows(self, tracks: dict[str, Array]) -> dict[str, Any]:
+        """Such tracks as the table `tracks` has them."""
+        return self._tracks.texts(tracks)
 
     def settle(self, until_s: float, final: bool = False) -> None:
         """Write the tracks so far, and the conflicts and warnings that are decided by `until_s`."""

@@ -64,6 +64,7 @@ class Sight(NamedTuple):
 
     lane: LaneEstimate
     borders: Borders
+    columns: Array  # (n, 2, ROWS) where the left and the right marking's centres are taken to be, at JUDGED_Y
     recognised: Array  # (n,) int8: 1, 0, or -1 where no marking showed
     beside_recognised: Array  # (n,) int8, -1 where it does not run
 
@@ -181,7 +182,8 @@ class Vision:
             beside, found = genetic.search(frames, beside, self._numbers)
             beside_verdict = self._judge(scene, state.looks, self._parabola_columns(found), truth)
         after = state._replace(frame=state.frame + 1, lane=lane_state, search=search, beside=beside)
-        return after, Sight(lane, borders, self._judge(scene, state.looks, columns, truth), beside_verdict)
+        verdict = self._judge(scene, state.looks, columns, truth)
+        return after, Sight(lane, borders, columns, verdict, beside_verdict)
 
     def _start(
         self, frames: Array, lane: LaneState, search: SearchState

@@ -18,7 +18,7 @@ from sumo_net.equipment import Equipment
 from sumo_net.highway import Highway
 from sumo_net.incidents import Incidents
 from sumo_net.network import BuildError, BuiltNetwork, build
-from sumo_net.settings import SettingsError, read, read_toml, settings
+from sumo_net.settings import SettingsError, read, read_json, read_toml, settings
 
 DEFAULT_SCENARIO = "highway"
 REGRESSION = ".scenario.toml"  # such a file names a scenario, and what is expected of it
@@ -83,6 +83,8 @@ def list_scenarios() -> list[tuple[str, str]]:
 def scenario_mapping(source: str) -> tuple[dict[str, Any], Path]:
     """The settings behind a built-in name, a .toml or a .sumocfg (or .net.xml), and the file they are from.
 
+    Also behind the configuration.json that a run wrote beside its tables.
+
     Paths in them are made absolute: they are relative to the file. Raises SettingsError.
     """
     path = Path(source)
@@ -91,6 +93,12 @@ def scenario_mapping(source: str) -> tuple[dict[str, Any], Path]:
             raise SettingsError(f"{source}: no such file")
         key = "configuration" if path.suffix == ".sumocfg" else "net_file"
         return {"title": path.name, key: str(path.resolve()), "warm_up_s": 0.0}, path
+    if path.suffix == ".json":
+        content = read_json(path)
+        mapping = content.get("settings", content)
+        if not isinstance(mapping, dict):
+            raise SettingsError(f"{path}: settings = {mapping!r}: must be a mapping")
+        return mapping, path
     if path.suffix != ".toml":
         files = scenario_files()
         if source not in files:

@@ -7,6 +7,7 @@ for an unknown key it names the nearest known one.
 
 import dataclasses
 import difflib
+import json
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -57,6 +58,21 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path}: is not valid TOML: {error}") from None
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The mapping in a JSON file. Raises SettingsError where it cannot be read or holds none."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SettingsError(f"{path}: no such file") from None
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise SettingsError(f"{path}: is not valid JSON: {error}") from None
+    if not isinstance(content, dict):
+        raise SettingsError(f"{path}: holds no mapping")
+    return content
 
 
 def _finding(cls: Any, finding: Any) -> str:

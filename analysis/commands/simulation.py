@@ -36,6 +36,12 @@ def run(
     compare_paper: Annotated[
         bool, typer.Option("--compare-paper", help="Also judge the published search on every frame.")
     ] = False,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=1000, metavar="N", help="Keep the camera frames of N vehicles, the first on the road."
+        ),
+    ] = None,
 ) -> None:
     """Run a scenario in SUMO, write the tables and print a summary."""
     from analysis.simulate import simulate
@@ -51,6 +57,7 @@ def run(
             mode=None if mode is None else mode.value,
             formats=("csv", "parquet") if table_format is Format.BOTH else (table_format.value,),
             compare_paper=compare_paper,
+            frames=frames,
         )
         print_summary(directory)
 

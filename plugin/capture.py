@@ -1,0 +1,180 @@
+"""Camera frames of watched vehicles on disk, with what was found in them and where it would lead.
+
+A folder a vehicle: `000000.png` and so on are its frames (every row, lossless), `marks-000000.npz` and so on
+what belongs to them, `tracks.csv` all its radar tracks of every scan, `vehicle.json` whose folder it is.
+"""
+
+import dataclasses
+import hashlib
+import json
+import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+
+from camera_synth.render import new_frames
+from plugin.configuration import Configuration
+from plugin.motion.estimate import Trajectory
+from plugin.rear_end import RearEndScorer
+from plugin.record import Recorder
+from plugin.schema import TABLES
+from plugin.vision import JUDGED_Y, Scene, Sight, Vision, VisionState
+from sumo_net.batch import select
+from sumo_net.road_table import RoadAhead
+
+Array = np.ndarray[Any, Any]
+
+FRAMES, OWNER = "frames", "vehicle.json"
+_EVERY_STATION = 3  # of the stations where the road ahead is sampled; enough for a map of it
+_SLUG_LENGTH = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """Whose frames are kept: the named vehicles, and of the others the first `count` on the road."""
+
+    directory: Path  # a folder a vehicle is made in it
+    ids: frozenset[str] = frozenset()
+    count: int = 0
+    alone: bool = False  # the other equipped vehicles drive, but sense nothing: where no driver reacts to it
+
+
+class Moment(NamedTuple):
+    """One step of n vehicles, before their rows are made."""
+
+    time_s: float
+    handle: Array  # (n,)
+    vision: VisionState  # with which the frames of this step were drawn
+    scene: Scene
+    sight: Sight
+    path: Trajectory  # predicted
+
+
+class Capture:
+    """Follows the watched vehicles of a run."""
+
+    def __init__(self, watch: Watch, vision: Vision, configuration: Configuration, run_id: str) -> None:
+        self._watch, self._vision = watch, vision
+        self._run_id = run_id
+        self._about = {
+            "run_id": run_id,
+            "configuration_hash": configuration.hash,
+            "camera": dataclasses.asdict(configuration.camera),
+        }
+        self._films: dict[str, _Film] = {}
+        self._watched: dict[int, str] = {}  # id by handle
+        self._others = 0
+
+    def arrived(self, names: dict[int, str]) -> None:
+        """New equipped vehicles, by handle. Those that are watched get their folder."""
+        for handle, name in names.items():
+            named = name in self._watch.ids
+            if named or self._others < self._watch.count:
+                self._others += not named
+                self._watched[handle] = name
+
+    def watched(self, handle: Array) -> Array:
+        """(n,) bool: whose frames are kept."""
+        return np.isin(handle, np.fromiter(self._watched, np.int64, len(self._watched)))
+
+    def add(self, now: Moment, rear_end: RearEndScorer) -> None:
+        """Draw and keep what the watched vehicles among the n see."""
+        rows = np.flatnonzero(self.watched(now.handle))
+        if not len(rows):
+            return
+        frames = new_frames(len(rows))
+        scene = select(now.scene, rows)
+        self._vision.draw(frames, select(now.vision, rows), scene)
+        path = np.stack([now.path.forward_m[rows], now.path.left_m[rows]], axis=-1)
+        road, kind = _lines(scene.ahead)
+        o = scene.objects
+        bodies = np.stack([o.forward_m, o.left_m, o.heading_rad, o.length_m, o.width_m], axis=-1)
+        for k, row in enumerate(rows.tolist()):
+            name = self._watched[int(now.handle[row])]
+            film = self._films.get(name)
+            if film is None:
+                film = self._films[name] = _Film(self._watch.directory, name, self._run_id, self._about)
+            film.add(
+                frames[k],
+                time_s=np.float64(now.time_s),
+                path_m=path[k].astype(np.float32),
+                border_px=now.sight.columns[row].astype(np.float32),
+                bodies_m=bodies[k].astype(np.float32),
+                road_m=road[k].astype(np.float32),
+                road_kind=kind[k],
+            )
+            own = rear_end.latest_tracks["handle"] == now.handle[row]
+            tracks = {column: part[own] for column, part in rear_end.latest_tracks.items()}
+            film.tracks.append(
+                "tracks", rear_end.track_rows(tracks) | {"time_s": np.full(int(own.sum()), now.time_s)}
+            )
+
+    def settle(self) -> None:
+        """Write what is in memory."""
+        for film in self._films.values():
+            film.settle()
+
+    def close(self) -> None:
+        """Write what is left; safe to call twice."""
+        for film in self._films.values():
+            film.settle()
+            film.tracks.close()
+
+
+class _Film:
+    """One vehicle's folder."""
+
+    def __init__(self, directory: Path, name: str, run_id: str, about: dict[str, Any]) -> None:
+        self._folder = directory / folder_name(name)
+        if (self._folder / OWNER).exists():  # of an earlier run
+            shutil.rmtree(self._folder)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._count = 0
+        self._marks: list[dict[str, Any]] = []
+        write_owner(self._folder, {"vehicle_id": name, **about})
+        self.tracks = Recorder(run_id, self._folder, ("csv",), {"tracks": TABLES["tracks"]})
+
+    def add(self, frame: Array, **marks: Any) -> None:
+        _, png = cv2.imencode(".png", frame, (cv2.IMWRITE_PNG_COMPRESSION, 1))
+        (self._folder / f"{self._count:06}.png").write_bytes(png.tobytes())
+        self._marks.append(marks)
+        self._count += 1
+
+    def settle(self) -> None:
+        marks, self._marks = self._marks, []
+        if marks:
+            first = self._count - len(marks)
+            columns = {name: np.stack([step[name] for step in marks]) for name in marks[0]}
+            np.savez_compressed(self._folder / f"marks-{first:06}.npz", border_rows=JUDGED_Y, **columns)
+
+
+def folder_name(vehicle_id: str) -> str:
+    """A name for a folder that is safe for any id: what is legible of it, and a part of its SHA-256."""
+    legible = re.sub(r"[^A-Za-z0-9_-]+", "_", vehicle_id)[:_SLUG_LENGTH]
+    digest = hashlib.sha256(vehicle_id.encode("utf-8", "surrogatepass")).hexdigest()[:10]
+    return f"{legible}-{digest}"
+
+
+def write_owner(folder: Path, about: dict[str, Any]) -> None:
+    """Write `vehicle.json`."""
+    (folder / OWNER).write_text(json.dumps(about, indent=1), encoding="utf-8")
+
+
+def clear(directory: Path) -> None:
+    """Remove the frames of an earlier run; what is not of this project's making stays."""
+    for owner in directory.glob(f"*/{OWNER}"):
+        shutil.rmtree(owner.parent)
+
+
+def _lines(ahead: RoadAhead) -> tuple[Array, Array]:
+    """The painted lines of n roads: (n, B, J, 2) forward and left, NaN where there is none; their kinds."""
+    part = select(ahead, (slice(None), slice(None, None, _EVERY_STATION)))
+    offset = part.border_offset_m
+    forward = part.forward_m[..., None] - offset * np.sin(part.heading_rad)[..., None]
+    left = part.left_m[..., None] + offset * np.cos(part.heading_rad)[..., None]
+    points = np.stack([forward, left], axis=-1).transpose(0, 2, 1, 3)
+    return points, np.ascontiguousarray(part.border_kind.transpose(0, 2, 1))

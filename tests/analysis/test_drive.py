@@ -1,0 +1,188 @@
+"""Recorded drives: frames kept while running, and made afterwards by repeating the run."""
+
+import shutil
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.drive import DriveError, load_drive, most_interesting, vehicles_of, vehicles_with_frames
+from camera_synth.camera import PROCESSED_FROM, projection, vehicle_from_image
+from plugin.capture import FRAMES, folder_name
+from plugin.configuration import load_configuration
+from plugin.record import read_table
+from tests.plugin.test_assistance import in_process
+
+SECONDS = 5.0
+
+
+def run_watched(out: Path, seen: Path) -> None:
+    """A run that keeps frames, and the frames that the detector was given."""
+    from analysis.simulate import simulate
+    from plugin.vision import Vision
+
+    given: dict[str, list[Any]] = {}
+    look = Vision._look
+
+    def spied(self: Vision, frames: Any, state: Any, *rest: Any) -> Any:
+        for frame, key in zip(frames, state.camera_key.tolist(), strict=True):
+            given.setdefault(str(key), []).append(frame.copy())
+        return look(self, frames, state, *rest)
+
+    Vision._look = spied  # type: ignore[method-assign]
+    simulate("highway", out, quiet=True, duration_s=SECONDS, fraction=0.05, seed=3, frames=3, threads=1)
+    np.savez(seen, **{key: np.stack(frames) for key, frames in given.items()})
+
+
+def replayed(directory: Path, names: list[str]) -> list[str]:
+    from analysis.replay import replay
+
+    return replay(directory, names, threads=1)
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("drive")
+    in_process(run_watched, out, out / "seen.npz")
+    return out
+
+
+class Repeated(NamedTuple):
+    """The same run without frames, and those of two vehicles made afterwards."""
+
+    directory: Path
+    name: str
+    changed: str  # a vehicle whose recorded rows are not what the run gives
+    findings: list[str]
+
+
+@pytest.fixture(scope="module")
+def repeated(watched: Path, tmp_path_factory: pytest.TempPathFactory) -> Repeated:
+    out = tmp_path_factory.mktemp("repeated") / "run"
+    shutil.copytree(watched, out, ignore=shutil.ignore_patterns(FRAMES, "seen.npz"))
+    name = load_drive(watched).vehicle_id
+    changed = next(other for other in vehicles_with_frames(watched) if other != name)
+    steps = pd.read_csv(out / "steps.csv", dtype={"fcw_track_id": "Int64"})
+    steps.loc[steps.index[steps["vehicle_id"] == changed][1], "speed_mps"] += 0.01
+    steps.to_csv(out / "steps.csv", index=False)
+    return Repeated(out, name, changed, in_process(replayed, out, [name, changed]))
+
+
+def test_a_frame_and_a_row_a_step(watched: Path) -> None:
+    assert len(vehicles_with_frames(watched)) == 3
+    drive = load_drive(watched)
+    count = len(drive.time_s)
+    assert drive.frames.shape == (count, 240, 320)
+    assert drive.frames.dtype == np.uint8
+    assert len(drive.steps) == count
+    assert drive.steps["time_s"].to_numpy() == pytest.approx(drive.time_s)
+    assert count >= 40
+    assert set(drive.steps["vehicle_id"]) == set(drive.tracks["vehicle_id"]) == {drive.vehicle_id}
+    assert drive.path_m.shape == (count, 30, 2)
+    assert drive.border_px.shape == (count, 2, len(drive.border_rows))
+    assert drive.notes == ()
+
+
+def test_the_frames_are_the_detectors_in_the_rows_that_it_looks_at(watched: Path) -> None:
+    drive = load_drive(watched)
+    with np.load(watched / "seen.npz") as seen:
+        given = [seen[key][:, PROCESSED_FROM:] for key in seen.files]
+    assert any(np.array_equal(frames, drive.frames[:, PROCESSED_FROM:]) for frames in given)
+    assert drive.frames[:, :PROCESSED_FROM].std() > 1.0  # and above them there is a sky
+
+
+def test_borders_lie_on_the_painted_lines_and_the_path_where_the_vehicle_goes(watched: Path) -> None:
+    drive = load_drive(watched)
+    seen_by = projection(drive.camera)
+    distance = []
+    for i in np.flatnonzero(drive.steps["recognised"].fillna(False).to_numpy(bool)):
+        for column in drive.border_px[i]:
+            for y, x in list(zip(drive.border_rows, column, strict=True))[10:35:5]:
+                if 0.0 < x < 319.0:
+                    forward, left = vehicle_from_image(float(x), float(y), seen_by)
+                    lines = [
+                        np.interp(forward, *line.T) for line in drive.road_m[i] if np.isfinite(line).all()
+                    ]
+                    distance.append(min(abs(left - line) for line in lines))
+    assert len(distance) > 100
+    assert np.percentile(distance, 95) < 0.25
+    forward = drive.path_m[:, 4, 0]
+    known = np.isfinite(forward)
+    assert forward[known] == pytest.approx(0.5 * drive.steps["speed_mps"].to_numpy()[known], rel=0.1)
+
+
+def test_tracks_lie_on_the_bodies(watched: Path) -> None:
+    drive = load_drive(watched)
+    tracks = drive.tracks[drive.tracks["measured"] & drive.tracks["in_path"]]
+    assert len(tracks) > 20
+    bodies = dict(zip(np.round(drive.time_s, 2), drive.bodies_m, strict=True))
+    for track in tracks.itertuples():
+        forward, left, _, length, width = bodies[round(track.time_s, 2)].T
+        outside = np.maximum(np.abs(track.x_m - forward) - length / 2, np.abs(track.y_m - left) - width / 2)
+        assert np.nanmin(outside) < 2.0
+
+
+def test_repeating_the_run_gives_the_same_bytes(watched: Path, repeated: Repeated) -> None:
+    again, first = load_drive(repeated.directory), load_drive(watched, repeated.name)
+    assert again.vehicle_id == first.vehicle_id
+    assert np.array_equal(again.frames, first.frames)
+    assert np.array_equal(again.path_m, first.path_m, equal_nan=True)
+    assert np.array_equal(again.bodies_m, first.bodies_m, equal_nan=True)
+    assert again.tracks.equals(first.tracks)
+    assert again.notes == ()
+
+
+def test_a_repeated_run_that_is_another_one_is_told(repeated: Repeated) -> None:
+    (finding,) = repeated.findings
+    assert repeated.changed in finding
+    assert "differs from" in finding
+    assert "(speed_mps)" in finding
+    notes = load_drive(repeated.directory, repeated.changed).notes
+    assert notes == (finding.split(" (recorded with")[0],)
+
+
+def test_settings_beside_the_tables_are_those_of_the_run(watched: Path) -> None:
+    configuration = load_configuration(str(watched / "configuration.json"))
+    assert configuration.hash == read_table(watched, "runs")["configuration_hash"][0]
+    assert configuration.recording.frames == 3
+
+
+def test_an_earlier_runs_frames_go_and_a_users_files_stay(watched: Path, tmp_path: Path) -> None:
+    from plugin.capture import clear
+
+    shutil.copytree(watched / FRAMES, tmp_path / FRAMES)
+    (tmp_path / FRAMES / "mine").mkdir()
+    clear(tmp_path / FRAMES)
+    assert [file.name for file in (tmp_path / FRAMES).iterdir()] == ["mine"]
+
+
+@pytest.mark.parametrize("name", ["../../etc", "a/b\n", "", ".", "Ünïcödé 車", "x" * 400, "con:nul"])
+def test_folders_are_safe_for_any_id(name: str) -> None:
+    folder = folder_name(name)
+    assert Path(folder).name == folder
+    assert folder.isascii()
+    assert len(folder) < 80
+    assert not folder.startswith(".")
+
+
+def test_folders_of_different_ids_differ() -> None:
+    assert len({folder_name(name) for name in ("a/b", "a_b", "a b", "A_b")}) == 4
+
+
+def test_what_is_missing_is_said(watched: Path, tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match="holds no table 'steps'"):
+        load_drive(tmp_path)
+    name = vehicles_of(watched)[0]
+    with pytest.raises(DriveError, match="did you mean"):
+        load_drive(watched, name[:-1] + "x")
+    shutil.copytree(watched, tmp_path / "run", ignore=shutil.ignore_patterns(FRAMES))
+    with pytest.raises(DriveError, match="holds no frames"):
+        load_drive(tmp_path / "run")
+    with pytest.raises(DriveError, match=f"no frames of '{name}'"):
+        load_drive(tmp_path / "run", name)
+    assert most_interesting(watched) in vehicles_of(watched)
+    (tmp_path / "run" / "configuration.json").unlink()
+    with pytest.raises(DriveError, match="cannot be repeated"):
+        replayed(tmp_path / "run", [name])
