@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from analysis.commands import campaigns, recordings, simulation, studies
+from analysis.commands import campaigns, drives, recordings, simulation, studies
 from analysis.commands.common import errors
 
 app = typer.Typer(
@@ -48,6 +48,7 @@ app.command()(simulation.run)
 app.command()(simulation.scenarios)
 app.command()(campaigns.batch)
 app.command()(campaigns.sweep)
+app.command()(drives.video)
 app.command()(recordings.detect)
 app.command()(recordings.calibrate)
 app.command()(recordings.track)

@@ -14,8 +14,10 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from analysis.camera_view import path_in_image
+from analysis.film import Film
 from analysis.footage import Footage, FootageError, Recorded, frames, open_footage
-from analysis.overlay import Overlay, draw, path_in_image
+from analysis.overlay import draw
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera, Projection, projection
 from plugin.lane import genetic, refine
 from plugin.lane.estimate import Borders, LaneEstimate
@@ -97,7 +99,7 @@ def detect(
         lane_rows, point_rows = csv.writer(lanes), csv.writer(points)
         lane_rows.writerow(LANE_COLUMNS)
         point_rows.writerow(POINT_COLUMNS)
-        film = stack.enter_context(Overlay(Path(overlay), footage.step_s)) if overlay is not None else None
+        film = stack.enter_context(Film(Path(overlay), footage.step_s)) if overlay is not None else None
         path = _Path(calibrated, speed_mps, footage.step_s) if film is not None else None
         for index, (recorded, found) in enumerate(_look(footage, calibrated, mode, speed_mps)):
             lane_rows.writerow(_lane_row(index, recorded.time_s, found))

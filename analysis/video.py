@@ -1,0 +1,87 @@
+"""A drive as a video, or one moment of it as a still: `sumo-adas video`."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from analysis.drive import (
+    Drive,
+    DriveError,
+    check_vehicle,
+    load_drive,
+    most_interesting,
+    vehicles_with_frames,
+)
+from analysis.drive_picture import DrivePictures
+from analysis.film import Film
+from analysis.footage import IMAGE_SUFFIXES
+
+_STEP_S = 0.1
+
+
+def make_video(
+    directory: Path,
+    out: Path,
+    vehicle_id: str | None = None,
+    begin_s: float | None = None,
+    end_s: float | None = None,
+    *,
+    tell: Callable[[str], None] = lambda words: None,
+) -> Drive:
+    """Write the drive of a vehicle of a run to `out`, as a video or (by the suffix) a still.
+
+    Where the run kept no frames of it, the run is repeated first (`analysis.replay`). Without `vehicle_id`
+    it is the most interesting one of all. begin_s, end_s: SUMO time; a still shows begin_s, or the most
+    interesting moment. `tell` is given what a user should know, a line at a time.
+
+    Raises DriveError, FilmError, SettingsError or TrafficError.
+    """
+    if vehicle_id is None:
+        vehicle_id = most_interesting(directory)
+    else:
+        check_vehicle(directory, vehicle_id)
+    with Film(out, _STEP_S) as film:
+        if vehicle_id not in vehicles_with_frames(directory):
+            from analysis.replay import replay
+
+            tell(f"no frames of '{vehicle_id}' were kept: the run is repeated for them")
+            replay(directory, [vehicle_id], quiet=False)
+        drive = load_drive(directory, vehicle_id)
+        for note in drive.notes:
+            tell(f"note: {note}")
+        pictures = DrivePictures(drive)
+        for index in _shown(drive, begin_s, end_s, out.suffix.lower() in IMAGE_SUFFIXES):
+            film.add(pictures.of(int(index)))
+    return drive
+
+
+def moment_of_interest(drive: Drive) -> int:
+    """The step to look at: at the first departure that counted, else a warning, else in the middle."""
+    due = drive.departures[drive.departures["warned"].notna()]
+    for times in (
+        due["crossing_s"],
+        drive.warnings.loc[drive.warnings["level"] == "danger", "start_s"] + _STEP_S,
+        drive.warnings["start_s"] + _STEP_S,
+    ):
+        if len(times):
+            return int(np.abs(drive.time_s - float(times.iloc[0])).argmin())
+    return len(drive.time_s) // 2
+
+
+def _shown(drive: Drive, begin_s: float | None, end_s: float | None, still: bool) -> list[int]:
+    for name, value in (("from", begin_s), ("to", end_s)):
+        if value is not None and not math.isfinite(value):
+            raise DriveError(f"{name} = {value}: must be a time in s")
+    if still and begin_s is None:
+        return [moment_of_interest(drive)]
+    first = -math.inf if begin_s is None else begin_s - _STEP_S / 2
+    last = math.inf if end_s is None else end_s + _STEP_S / 2
+    shown = np.flatnonzero((drive.time_s >= first) & (drive.time_s <= last)).tolist()
+    if not shown:
+        raise DriveError(
+            f"'{drive.vehicle_id}' has no step in that time: it drove from {drive.time_s[0]:.1f} s "
+            f"to {drive.time_s[-1]:.1f} s"
+        )
+    return shown[:1] if still else shown
