@@ -54,6 +54,30 @@ class Moment(NamedTuple):
     path: Trajectory  # predicted
 
 
+class Look(NamedTuple):
+    """What k vehicles see in one step, what they make of it, and what is there."""
+
+    frame: Array  # (k, 240, 320) uint8
+    path_m: Array  # (k, H, 2) predicted path: forward, left
+    border_px: Array  # (k, 2, R) columns of the left and the right marking at JUDGED_Y
+    bodies_m: Array  # (k, M, 5) truth: forward, left of the centre, heading, length, width; NaN for unused
+    road_m: Array  # (k, B, J, 2) truth: forward, left of the painted lines; NaN for unused
+    road_kind: Array  # (k, B, J) int8
+
+
+def look(vision: Vision, now: Moment, rows: Array) -> Look:
+    """The frames of the vehicles in `rows` (k,), drawn whole, and what belongs to them."""
+    frames = new_frames(len(rows))
+    scene = select(now.scene, rows)
+    vision.draw(frames, select(now.vision, rows), scene)
+    path = np.stack([now.path.forward_m[rows], now.path.left_m[rows]], axis=-1)
+    road, kind = _lines(scene.ahead)
+    o = scene.objects
+    bodies = np.stack([o.forward_m, o.left_m, o.heading_rad, o.length_m, o.width_m], axis=-1)
+    small = [part.astype(np.float32) for part in (path, now.sight.columns[rows], bodies, road)]
+    return Look(frames, *small, kind)
+
+
 class Capture:
     """Follows the watched vehicles of a run."""
 
@@ -86,32 +110,16 @@ class Capture:
         rows = np.flatnonzero(self.watched(now.handle))
         if not len(rows):
             return
-        frames = new_frames(len(rows))
-        scene = select(now.scene, rows)
-        self._vision.draw(frames, select(now.vision, rows), scene)
-        path = np.stack([now.path.forward_m[rows], now.path.left_m[rows]], axis=-1)
-        road, kind = _lines(scene.ahead)
-        o = scene.objects
-        bodies = np.stack([o.forward_m, o.left_m, o.heading_rad, o.length_m, o.width_m], axis=-1)
+        seen = look(self._vision, now, rows)
         for k, row in enumerate(rows.tolist()):
             name = self._watched[int(now.handle[row])]
             film = self._films.get(name)
             if film is None:
                 film = self._films[name] = _Film(self._watch.directory, name, self._run_id, self._about)
-            film.add(
-                frames[k],
-                time_s=np.float64(now.time_s),
-                path_m=path[k].astype(np.float32),
-                border_px=now.sight.columns[row].astype(np.float32),
-                bodies_m=bodies[k].astype(np.float32),
-                road_m=road[k].astype(np.float32),
-                road_kind=kind[k],
-            )
-            own = rear_end.latest_tracks["handle"] == now.handle[row]
-            tracks = {column: part[own] for column, part in rear_end.latest_tracks.items()}
-            film.tracks.append(
-                "tracks", rear_end.track_rows(tracks) | {"time_s": np.full(int(own.sum()), now.time_s)}
-            )
+            film.add(now.time_s, select(seen, k))
+            tracks = rear_end.latest_of(int(now.handle[row]))
+            times = np.full(len(tracks["track_id"]), now.time_s)
+            film.tracks.append("tracks", rear_end.track_rows(tracks) | {"time_s": times})
 
     def settle(self) -> None:
         """Write what is in memory."""
@@ -134,22 +142,29 @@ class _Film:
             shutil.rmtree(self._folder)
         self._folder.mkdir(parents=True, exist_ok=True)
         self._count = 0
-        self._marks: list[dict[str, Any]] = []
+        self._marks: list[tuple[float, Look]] = []
         write_owner(self._folder, {"vehicle_id": name, **about})
         self.tracks = Recorder(run_id, self._folder, ("csv",), {"tracks": TABLES["tracks"]})
 
-    def add(self, frame: Array, **marks: Any) -> None:
-        _, png = cv2.imencode(".png", frame, (cv2.IMWRITE_PNG_COMPRESSION, 1))
+    def add(self, time_s: float, seen: Look) -> None:
+        _, png = cv2.imencode(".png", seen.frame, (cv2.IMWRITE_PNG_COMPRESSION, 1))
         (self._folder / f"{self._count:06}.png").write_bytes(png.tobytes())
-        self._marks.append(marks)
+        self._marks.append((time_s, seen))
         self._count += 1
 
     def settle(self) -> None:
         marks, self._marks = self._marks, []
         if marks:
             first = self._count - len(marks)
-            columns = {name: np.stack([step[name] for step in marks]) for name in marks[0]}
-            np.savez_compressed(self._folder / f"marks-{first:06}.npz", border_rows=JUDGED_Y, **columns)
+            columns = {
+                name: np.stack([getattr(seen, name) for _, seen in marks])
+                for name in Look._fields
+                if name != "frame"
+            }
+            times = np.array([time_s for time_s, _ in marks])
+            np.savez_compressed(
+                self._folder / f"marks-{first:06}.npz", time_s=times, border_rows=JUDGED_Y, **columns
+            )
 
 
 def folder_name(vehicle_id: str) -> str:

@@ -37,7 +37,7 @@ class RearEndScorer:
         self._pending: list[dict[str, Array]] = []  # rows of `tracks`
         self._recording = configuration.recording
         self._scans = 0
-        self.latest_tracks: dict[str, Array] = {}  # of the last step, also those that are not recorded
+        self._latest: dict[str, Array] = {}  # tracks of the last step
         self.conflicts = 0
         self.warnings = 0  # of the reminder level
 
@@ -51,7 +51,7 @@ class RearEndScorer:
         self._book.add(
             time, truth.handle, leader, by_place, visible, truth.speed_mps, warning.level, warning.ttc_s
         )
-        self.latest_tracks = tracks = self._tracks.step(truth, echo)
+        self._latest = tracks = self._tracks.step(truth, echo)
         if self._recording.tracks:
             kept = slice(None) if self._scans % self._recording.roadside_every == 0 else tracks["target"] >= 0
             rows = {name: part[kept] for name, part in tracks.items()}
@@ -74,6 +74,11 @@ class RearEndScorer:
             "true_ttc_s": leader.ttc_s,
             "true_leader_visible": visible,
         }
+
+    def latest_of(self, handle: int) -> dict[str, Array]:
+        """All tracks of a vehicle after the last step, also those that are not recorded."""
+        own = self._latest["handle"] == handle
+        return {name: part[own] for name, part in self._latest.items()}
 
     def track_rows(self, tracks: dict[str, Array]) -> dict[str, Any]:
         """Such tracks as the table `tracks` has them."""
