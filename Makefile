@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test lint format evaluate bench clean
+.PHONY: demo test lint format evaluate bench soak faults clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/sumo-adas run highway --out out/demo --seed 1
@@ -28,17 +28,25 @@ evaluate: $(VENV)/.runtime
 bench: $(VENV)/.runtime
 	$(BIN)/python benchmarks/camera_chain.py --out out/benchmark.json
 
+soak: $(VENV)/.runtime
+	$(BIN)/python benchmarks/soak.py --duration 3600 --out out/soak
+
+faults: $(VENV)/.dev
+	$(BIN)/python benchmarks/faults.py --kills 50
+
 clean:
 	rm -rf out build dist *.egg-info
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
 
-$(BIN)/python:
-	$(PYTHON) -m venv $(VENV)
+# the stamp comes last: an interrupted installation is begun anew
+$(VENV)/.made:
+	$(PYTHON) -m venv --clear $(VENV)
+	touch $@
 
-$(VENV)/.runtime: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.runtime: pyproject.toml constraints.txt | $(VENV)/.made
 	$(PIP) install --quiet --constraint constraints.txt --editable .
 	touch $@
 
-$(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/.made
 	$(PIP) install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $@ $(VENV)/.runtime

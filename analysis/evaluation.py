@@ -4,7 +4,6 @@ The seeds are not those that anything was tuned on (those are below 100). Each r
 """
 
 import concurrent.futures
-import multiprocessing
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +13,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from analysis.fork_server import ForkServer
 from analysis.metrics import CATEGORIES, paired_gain, prediction_errors, summary
 from analysis.simulate import settings_of, simulate
 from plugin.record import read_table
@@ -58,15 +58,15 @@ def evaluate(
     seeds = list(seeds)
     settings_of(scenario, duration_s=duration_s, fraction=fraction)
     jobs = [(condition, seed) for condition in CONDITIONS for seed in seeds]
-    context = multiprocessing.get_context("spawn")
     terminal = Console(stderr=True)
     with (
         Progress(transient=True, console=terminal, disable=not terminal.is_terminal) as progress,
-        concurrent.futures.ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool,
+        ForkServer() as server,
+        concurrent.futures.ThreadPoolExecutor(workers) as pool,
     ):
         task = progress.add_task("runs", total=len(jobs))
         futures = [
-            pool.submit(_one, scenario, out / condition / str(seed), seed, duration_s, fraction, condition)
+            pool.submit(server.result, _one, scenario, out / condition / str(seed), seed, duration_s, fraction, condition)
             for condition, seed in jobs
         ]
         for future in concurrent.futures.as_completed(futures):

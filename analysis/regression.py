@@ -2,10 +2,8 @@
 
 import difflib
 import json
-import multiprocessing
 import tempfile
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +11,16 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from analysis.fork_server import ForkServer
 from analysis.metrics import summary
 from analysis.simulate import settings_of, simulate
 from plugin.record import read_table
 from sumo_net.settings import SettingsError, read, read_toml, settings
 
 TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
+
+
+_processes = ForkServer()  # what it has loaded serves all files of a session
 
 
 class ExpectationError(AssertionError):
@@ -75,10 +77,8 @@ def _run(
     scenario: str, seeds: tuple[int, ...], options: dict[str, Any], work: Path
 ) -> dict[str, pd.DataFrame]:
     """All seeds, one after the other, each in a process of its own: one simulation a process."""
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, context, max_tasks_per_child=1) as pool:
-        for seed in seeds:
-            pool.submit(_one, scenario, work / str(seed), seed, options).result()
+    for seed in seeds:
+        _processes.result(_one, scenario, work / str(seed), seed, options)
     return {
         name: pd.concat([read_table(work / str(seed), name) for seed in seeds], ignore_index=True)
         for name in TABLES

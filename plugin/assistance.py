@@ -107,7 +107,8 @@ class DriverAssistance:
             None if self._watch is None else Capture(self._watch, self._vision, configuration, run_id)
         )
         self._rear_end = rear_end.RearEndScorer(self.recorder, traffic, self._roads, configuration)
-        self._names: dict[int, str] = {}
+        self._names: dict[int, str] = {}  # of the equipped, those that left lately among them
+        self._vehicles = 0  # equipped so far
         self._listeners = Listeners(configuration.reaction, seed, traffic.vehicle_id)
         self._alerted = np.zeros(0, np.int64)  # handles of those who hear a lane-departure warning and listen
         labels = {"lane_id": traffic.lane_ids, "tlc_side": ("left", "right"), "ldw_state": departure.CODES}
@@ -192,6 +193,8 @@ class DriverAssistance:
             self._rear_end.settle(self._traffic.time_s)
             if self._capture is not None:
                 self._capture.settle()
+            for handle in [one for one in self._names if not self._traffic.remembers(one)]:
+                del self._names[handle]
 
     def close(self) -> None:
         """Score and write what is left; safe to call twice. The simulation goes on."""
@@ -213,7 +216,7 @@ class DriverAssistance:
             "versions": versions(),
             "begin_s": self._begin_s,
             "end_s": self._end_s,
-            "vehicles": len(self._names),
+            "vehicles": self._vehicles,
             "vehicle_steps": self._scorer.vehicle_steps,
             "distance_km": self._scorer.distance_m / 1000.0,
             "departures": self._scorer.departures,
@@ -232,6 +235,7 @@ class DriverAssistance:
             chosen = self._choice.choose(self._traffic, new)
             self._equipped[chosen] = True
             names = {handle: self._traffic.vehicle_id(handle) for handle in chosen}
+            self._vehicles += len(chosen)
             self._names.update(names)
             if self._capture is not None:
                 self._capture.arrived(names)

@@ -25,6 +25,7 @@ Array = np.ndarray[Any, Any]
 LEVELS = ("", "reminder", "danger")
 REMINDER, DANGER = 1, 2
 NOBODY = -1
+_REMEMBERED_CHAINS = 5_000
 
 
 @settings
@@ -80,6 +81,8 @@ class LaneOrder:
         out = nobody(len(handle))
         if not len(handle):
             return out
+        if len(self._chains) > _REMEMBERED_CHAINS:  # every vehicle may have a route of its own
+            self._forget_chains()
         rows = np.searchsorted(snapshot.handle, handle)
         while len(self._row) <= handle.max():
             self._row = np.concatenate([self._row, np.full_like(self._row, -1)])
@@ -94,6 +97,11 @@ class LaneOrder:
             rows, snapshot, order, first, self._row[handle], self._lanes, self._ahead, reach_m, out
         )
         return out
+
+    def _forget_chains(self) -> None:
+        self._chains.clear()
+        self._lanes, self._ahead = np.full((0, 1), -1, np.int32), np.zeros((0, 1))
+        self._row[:], self._lane[:] = -1, -1
 
     def _chain(self, lane: int, handle: int) -> int:
         name, route = self._names[lane], self._route(handle)

@@ -11,6 +11,8 @@ from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
 
+_REMEMBERED = 10_000  # drivers
+
 
 @settings
 class Reaction:
@@ -38,6 +40,8 @@ class Listeners:
 
     def _one(self, handle: int) -> bool:
         if handle not in self._listens:
+            if len(self._listens) >= _REMEMBERED:
+                self._listens.clear()  # they are drawn again, the same
             key = stream_key(self._seed, self._name(handle), "compliance")
             self._listens[handle] = bool(uniform(key, 0) < self._options.compliance)
         return self._listens[handle]

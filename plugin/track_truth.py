@@ -122,7 +122,12 @@ class TrackTruth:
     def _id(self, handle: int) -> str | None:
         if handle == NOTHING:
             return None
-        return self._name(handle) if handle >= 0 else f"roadside:{-handle - 2}"
+        if handle < NOTHING:
+            return f"roadside:{-handle - 2}"
+        try:
+            return self._name(handle)
+        except KeyError:  # left long ago; clutter has kept its track alive
+            return None
 
 
 def _velocity(echo: Echo, owner: Array, target: Array) -> tuple[Array, Array]:

@@ -90,6 +90,7 @@ class Scorer:
         self._write_events("departures", departures)
         self._write_events("warnings", warnings)
         rows["written"] |= new
+        self._forget_crossings(rows["step"])
         keep = rows["time_s"] > until - 2.0  # some context: causes and drifts shortly before an event
         self._context = {name: column[keep] for name, column in rows.items()} if not final else None
 
@@ -125,6 +126,12 @@ class Scorer:
                 if last is None or since > last or (step - last) * STEP_S > matching.rearm_s:
                     events.append(self._departure(rows, follows, i, side, margin))
         return events
+
+    def _forget_crossings(self, steps: Array) -> None:
+        """Drop the crossings that no later one is measured against: those longer ago than `rearm_s`."""
+        if len(steps):
+            first = int(steps.max()) - round((2.0 * LOOK_AHEAD_S + 10.0 + self._book.matching.rearm_s) / STEP_S)
+            self._last_crossing = {key: step for key, step in self._last_crossing.items() if step >= first}
 
     def _departure(
         self, rows: dict[str, Array], follows: Array, i: int, side: int, margin: Array

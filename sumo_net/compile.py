@@ -2,17 +2,57 @@
 
 Kernels take arrays over the fleet, as plain arrays or as NamedTuples of arrays, and loop over the
 vehicles inside. Threads, where they help, each get a slice of the fleet.
+
+The cache is beside the code, or, where that cannot be written, in the user's own cache folder. It is never a
+reason to fail: what is broken in it is compiled anew.
 """
 
+import contextlib
+import warnings
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
+from numba.core.caching import FunctionCache
 
 _F = TypeVar("_F", bound=Callable[..., Any])
+
+KERNELS: list[Any] = []  # those of all modules that were imported
 
 
 def kernel(function: _F) -> _F:
     """Compile `function` in nopython mode at its first call and keep the result on disk."""
-    compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    try:
+        compiled._cache = _Cache(function)  # what njit(cache=True) does with numba's own
+    except RuntimeError:  # numba found no folder that it can write
+        warnings.warn(
+            "no folder for compiled kernels can be written, every process compiles them anew (about a "
+            "minute): set NUMBA_CACHE_DIR to one that can",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+    KERNELS.append(compiled)
     return compiled
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """numba's cache, without its exceptions for a file that is cut short or garbled, or a disk that is full."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # of unpickling anything
+            with contextlib.suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError:
+            self.disable()
+        except Exception:  # the index is garbled
+            with contextlib.suppress(OSError):
+                self.flush()
+                super().save_overload(sig, data)

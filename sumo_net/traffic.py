@@ -8,6 +8,7 @@ left positive here, and nowhere else.
 import contextlib
 import subprocess
 import warnings
+from collections import deque
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -20,11 +21,21 @@ from sumo_net.snapshot import Array, Snapshot
 from sumo_net.start_up import cause, is_left_hand, one_line, set_sumo_home, standard_error
 
 STEP_S = 0.1
+REMEMBERED_S = 300.0  # after a vehicle has left, its name is still known: its last events are being judged
 _INVALID = -1e9  # SUMO's INVALID_DOUBLE_VALUE is -2**30
 
 
 class TrafficError(RuntimeError):
     """SUMO could not start, or does not run in a way that this project can work with."""
+
+
+def preload() -> None:
+    """Import all that a simulation needs, and start none: for processes that others are forked from."""
+    import sumolib  # noqa: F401
+    import traci.constants
+    import traci.exceptions  # noqa: F401
+
+    _import_libsumo()
 
 
 class NotRunningError(TrafficError):
@@ -62,8 +73,10 @@ class Traffic:
         self._side = -1.0 if self.left_hand else 1.0
         self.lane_ids: list[str] = list(simulation.lane.getIDList())
         self._lane_number = {lane: number for number, lane in enumerate(self.lane_ids)}
-        self._names: list[str] = []  # by handle
-        self._kinds: list[_Kind] = []  # by handle
+        self._next_handle = 0
+        self._names: dict[int, str] = {}  # by handle
+        self._kinds: dict[int, _Kind] = {}  # by handle
+        self._left: deque[tuple[float, int]] = deque()  # when, and who
         self._bodies = np.zeros((256, 3))  # by handle: length, width, height
         self._numbers: dict[str, int] = {}  # of the vehicles that are not gone
         self._routes: dict[int, tuple[str, int, tuple[str, ...]]] = {}
@@ -225,8 +238,12 @@ class Traffic:
         return Snapshot(*(part[somewhere] for part in made))
 
     def vehicle_id(self, handle: int) -> str:
-        """SUMO's name of a vehicle, also after it has arrived."""
+        """SUMO's name of a vehicle, until REMEMBERED_S after it has left. Raises KeyError later."""
         return self._names[handle]
+
+    def remembers(self, handle: int) -> bool:
+        """Whether the vehicle is there, or left less than REMEMBERED_S ago."""
+        return handle in self._names
 
     def handle(self, vehicle_id: str) -> int:
         """The number of a vehicle that was seen and has not arrived. Raises KeyError."""
@@ -309,13 +326,14 @@ class Traffic:
     # --- bookkeeping
 
     def _register(self, name: str) -> None:
-        handle = len(self._names)
+        handle = self._next_handle
+        self._next_handle += 1
         if handle == len(self._bodies):
             self._bodies = np.concatenate([self._bodies, np.zeros_like(self._bodies)])
         vehicle = self._sumo.vehicle
         self._bodies[handle] = vehicle.getLength(name), vehicle.getWidth(name), vehicle.getHeight(name)
-        self._kinds.append(_Kind(vehicle.getVehicleClass(name), vehicle.getTypeID(name)))
-        self._names.append(name)
+        self._kinds[handle] = _Kind(vehicle.getVehicleClass(name), vehicle.getTypeID(name))
+        self._names[handle] = name
         self._numbers[name] = handle
 
     def _forget(self, absent: Iterable[str]) -> None:
@@ -324,7 +342,12 @@ class Traffic:
             try:
                 self._sumo.vehicle.getRouteIndex(name)
             except self._refused:
-                self._routes.pop(self._numbers.pop(name), None)
+                handle = self._numbers.pop(name)
+                self._routes.pop(handle, None)
+                self._left.append((self.time_s, handle))
+        while self._left and self._left[0][0] < self.time_s - REMEMBERED_S:
+            _, handle = self._left.popleft()
+            del self._names[handle], self._kinds[handle]
 
     def _lane_indices(self, lanes: list[str]) -> Array:
         number = self._lane_number
@@ -342,11 +365,16 @@ def _in_process(simulation: Any) -> bool:
     return getattr(simulation, "__name__", "") == "libsumo"
 
 
-def _start_libsumo(arguments: Sequence[str]) -> Any:
+def _import_libsumo() -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the wheel warns about other Arrow versions; it does not matter here
         import libsumo
 
+    return libsumo
+
+
+def _start_libsumo(arguments: Sequence[str]) -> Any:
+    libsumo = _import_libsumo()
     if libsumo.isLoaded():
         raise TrafficError("a simulation is already running in this process: close it, or attach to it")
     try:

@@ -1,16 +1,15 @@
 """The runs of a campaign on Dask: a cluster on this machine, or an existing scheduler by its address.
 
-A worker starts each run as a process of its own and moves the result in whole. What is there already is not
-run again: the same command resumes after any interruption.
+A worker starts each run as a process of its own, forked from one that has everything loaded, and moves the
+result in whole. What is there already is not run again: the same command resumes after any interruption.
 """
 
 import contextlib
 import itertools
-import json
 import logging
-import subprocess
-import sys
+import signal
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,9 +17,12 @@ from typing import Any, NamedTuple
 import dask
 from distributed import Client, LocalCluster, as_completed
 
+from analysis.campaign.one import one as one_run
 from analysis.campaign.plan import Plan, Run
 from analysis.campaign.store import Store
+from analysis.fork_server import ForkServer, ServerError
 from sumo_net.settings import SettingsError
+from sumo_net.traffic import TrafficError
 
 _AHEAD = 3  # runs handed to the scheduler per worker
 _LINES = 3  # of what a failed run said
@@ -32,7 +34,16 @@ class Progress(NamedTuple):
     total: int
     done: int  # those that were there before, too
     failed: int
-    seconds: float  # that the last run took, NaN before the first
+    last: "Done | None" = None  # the run that ended last
+
+
+class Done(NamedTuple):
+    """What a worker says of one run."""
+
+    seconds: float  # on the clock, all that the worker did for it
+    run_s: float  # of these, the run's own process
+    cpu_s: float  # processor time of that process
+    cause: str  # of its failure, or ''
 
 
 def run(
@@ -64,7 +75,7 @@ def run(
         )
         there = store.done()
         missing = [one for one in plan.runs if one.key not in there]
-        tell(Progress(len(plan.runs), len(plan.runs) - len(missing), 0, float("nan")))
+        tell(Progress(len(plan.runs), len(plan.runs) - len(missing), 0))
         if missing:
             _check_workers(client)
             _work(client, plan, missing, store, compare_paper, tell)
@@ -101,7 +112,8 @@ def _work(
     pool = as_completed([submit(one) for one in itertools.islice(waiting, _AHEAD * max(threads, 1))])
     for future in pool:
         key = future.key.rsplit("-", 1)[0]
-        seconds, cause = _outcome(future)
+        one_done = _outcome(future)
+        cause = one_done.cause
         if cause and attempts[key] <= plan.campaign.retries:
             pool.add(submit(runs[key]))
             continue
@@ -110,43 +122,52 @@ def _work(
             failed += 1
         else:
             done += 1
-        tell(Progress(len(plan.runs), done, failed, seconds))
+        tell(Progress(len(plan.runs), done, failed, one_done))
         following = next(waiting, None)
         if following is not None:
             pool.add(submit(following))
 
 
-def _outcome(future: Any) -> tuple[float, str]:
+def _outcome(future: Any) -> Done:
     try:
-        seconds, cause = future.result()
+        done: Done = future.result()
     except Exception as error:  # the worker died of it, several times
-        return float("nan"), f"{type(error).__name__}: {' '.join(str(error).split())[:500]}"
-    return seconds, cause
+        nothing = float("nan")
+        words = f"{type(error).__name__}: {' '.join(str(error).split())[:500]}"
+        return Done(nothing, nothing, nothing, words)
+    return done
 
 
-def work_off(order: dict[str, Any], address: str) -> tuple[float, str]:
-    """On a worker: one run. How long it took, and what went wrong or ''."""
-    import time
+_server = ForkServer()  # of this process, for all of a worker's threads
 
+
+def work_off(order: dict[str, Any], address: str) -> Done:
+    """On a worker: one run."""
     begin = time.monotonic()
+
+    def done(run_s: float, cpu_s: float, cause: str) -> Done:
+        return Done(time.monotonic() - begin, run_s, cpu_s, cause)
+
     with tempfile.TemporaryDirectory(prefix="sumo-adas-run-") as folder:
         place = Path(folder) / "run"
-        done = subprocess.run(
-            [sys.executable, "-m", "analysis.campaign.one", str(place)],
-            input=json.dumps(order),
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode != 0:
-            said = [line.strip() for line in done.stderr.splitlines() if line.strip()][-_LINES:]
-            how = f"ended by signal {-done.returncode}" if done.returncode < 0 else "failed"
-            return time.monotonic() - begin, " | ".join(said).replace(folder, "…") or how
+        try:
+            outcome = _server.call(one_run, order, place)
+        except ServerError as error:
+            return done(0.0, 0.0, str(error))
+        took = outcome.seconds, outcome.cpu_s
+        if outcome.ended_by:
+            said = [line.strip() for line in outcome.words.splitlines() if line.strip()][-_LINES:]
+            how = f"ended by signal {outcome.ended_by} ({signal.strsignal(outcome.ended_by)})"
+            return done(*took, " | ".join([how, *said]).replace(folder, "…"))
+        if outcome.error is not None:
+            words = " ".join(str(outcome.error).split()).replace(folder, "…")
+            named = isinstance(outcome.error, SettingsError | TrafficError | OSError) and words
+            return done(*took, words if named else f"{type(outcome.error).__name__}: {words}")
         try:
             Store(address).put(order["key"], place)
         except OSError as error:
-            return time.monotonic() - begin, f"{address}: {error.strerror or error}"
-    return time.monotonic() - begin, ""
+            return done(*took, f"{address}: {error.strerror or error}")
+    return done(*took, "")
 
 
 @contextlib.contextmanager
@@ -164,16 +185,21 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Client]:
             with client:
                 yield client
             return
+        # The runs are processes of their own: the workers that wait for them can be threads of this one.
         with (
             LocalCluster(
                 n_workers=workers or dask.system.CPU_COUNT,
                 threads_per_worker=1,
+                processes=False,
                 memory_limit=0,
                 dashboard_address=None,
             ) as cluster,
             Client(cluster) as client,
         ):
-            yield client
+            try:
+                yield client
+            finally:
+                _server.close()
 
 
 def _check_workers(client: Client) -> None:

@@ -1,7 +1,5 @@
 """The whole chain in a real SUMO run, each in a process of its own: one simulation a process."""
 
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +7,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.fork_server import ForkServer
 from plugin.record import read_table
 from plugin.schema import TABLES
 
 
+_processes = ForkServer()
+
+
 def in_process(function: Any, *arguments: Any) -> Any:
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(function, *arguments).result(timeout=300)
+    return _processes.result(function, *arguments)
 
 
 def run(out: Path, options: dict[str, Any]) -> None:
