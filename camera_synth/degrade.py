@@ -5,6 +5,7 @@ octaves shorter than the ground that a row spans fade out, which leaves no wavel
 925 px camera.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -74,9 +75,17 @@ def add_value_noise(out, u, v, du, dv, seed, amplitude):  # type: ignore[no-unty
 @kernel
 def value_noise(u, v, seed):  # type: ignore[no-untyped-def]
     """The same noise at one point."""
-    out = np.zeros(1, np.float32)
-    add_value_noise(out, u, v, 0.0, 0.0, seed, 1.0)
-    return np.float64(out[0])
+    cell_u, cell_v = math.floor(u), math.floor(v)
+    a, b = np.float32(u - cell_u), np.float32(v - cell_v)
+    one, two, three = np.float32(1.0), np.float32(2.0), np.float32(3.0)
+    hu = np.uint32(np.uint32(np.int64(cell_u)) * _P1)
+    hv = np.uint32(np.uint32(np.uint32(np.int64(cell_v)) * _P2) + np.uint32(np.uint32(seed) * _P3))
+    hu1, hv1 = np.uint32(hu + _P1), np.uint32(hv + _P2)
+    a = a * a * (three - two * a)
+    b = b * b * (three - two * b)
+    low = _lattice(hu, hv) * (one - a) + _lattice(hu1, hv) * a
+    high = _lattice(hu, hv1) * (one - a) + _lattice(hu1, hv1) * a
+    return np.float64(low + (high - low) * b)
 
 
 @kernel

@@ -4,35 +4,44 @@ import math
 
 import numpy as np
 
-from camera_synth.degrade import NODE_PX, add_value_noise, fade, interpolate, lattice_unit
+from camera_synth.degrade import NODE_PX, lattice_unit
 from camera_synth.ground_kernels import PATH
+from camera_synth.pattern_kernels import Octave, add_octave
 from camera_synth.surface_kernels import strip_of
 from sumo_net.compile import kernel
 
 
 @kernel
-def light_ground(canvas, field, node, rows, crossings, look, view, p):  # type: ignore[no-untyped-def]
-    """Light the lowest `rows` rows of the canvas, and fade them to haze with the distance."""
-    even = look.shadow <= 0.0 and look.overpass <= 0.0 and look.headlight <= 0.0
-    if not even:
-        for y in range(rows):
-            strip = strip_of(y, crossings.ahead[y + 1] - crossings.ahead[y], view, p)
-            node[:] = 1.0
-            if look.shadow > 0.0:
-                _tree_shadow(node, look, strip)
-            if look.overpass > 0.0 and crossings.kind[y, PATH] != 0 and crossings.kind[y + 1, PATH] != 0:
-                _overpass_shadow(node, y, crossings, look, strip)
-            if look.headlight > 0.0:
-                _headlights(node, look, strip)
-            interpolate(node, field[y])
-    daylight = 1.0 if look.headlight > 0.0 else look.ambient  # headlights have it counted in
+def cast_light(grid, rows, ground, crossings, look, view, p):  # type: ignore[no-untyped-def]
+    """The light on the lowest `rows` rows on `grid` (rows, nodes); returns whether it is not just daylight."""
+    if look.shadow <= 0.0 and look.overpass <= 0.0 and look.headlight <= 0.0:
+        return False
+    if look.shadow > 0.0:
+        _tree_shadow(grid, rows, ground, look, view, p)
+    else:
+        grid[:rows] = 1.0
+    if look.overpass <= 0.0 and look.headlight <= 0.0:
+        return True
     for y in range(rows):
+        strip = strip_of(y, crossings.ahead[y + 1] - crossings.ahead[y], view, p)
+        if look.overpass > 0.0 and crossings.kind[y, PATH] != 0 and crossings.kind[y + 1, PATH] != 0:
+            _overpass_shadow(grid[y], y, crossings, look, strip)
+        if look.headlight > 0.0:
+            _headlights(grid[y], look, strip)
+    return True
+
+
+@kernel
+def light_ground(canvas, grid, uneven, first, end, crossings, look):  # type: ignore[no-untyped-def]
+    """Light rows `first` to `end` - 1 of the canvas by `cast_light`, and fade them to haze with distance."""
+    daylight = 1.0 if look.headlight > 0.0 else look.ambient  # headlights have it counted in
+    for y in range(first, end):
         keep = look.visibility_m / (look.visibility_m + 0.5 * (crossings.ahead[y] + crossings.ahead[y + 1]))
         haze = np.float32(look.haze_grey * look.ambient * (1.0 - keep))
-        if even:
-            _dim(canvas[y], np.float32(keep * daylight), haze)
+        if uneven:
+            _shade(canvas[y], grid[y], np.float32(keep * daylight), haze)
         else:
-            _shade(canvas[y], field[y], np.float32(keep * daylight), haze)
+            _dim(canvas[y], np.float32(keep * daylight), haze)
 
 
 @kernel
@@ -42,9 +51,12 @@ def _dim(row, scale, haze):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _shade(row, share, scale, haze):  # type: ignore[no-untyped-def]
-    for x in range(row.shape[0]):
-        row[x] = row[x] * (share[x] * scale) + haze
+def _shade(row, node, scale, haze):  # type: ignore[no-untyped-def]
+    part = scale * np.float32(1.0 / NODE_PX)
+    for m in range(node.shape[0] - 1):
+        at, rise = node[m] * scale, (node[m + 1] - node[m]) * part
+        for k in range(NODE_PX):
+            row[NODE_PX * m + k] = row[NODE_PX * m + k] * (at + np.float32(k) * rise) + haze
 
 
 @kernel
@@ -78,39 +90,30 @@ def _overpass_shadow(node, y, crossings, look, strip):  # type: ignore[no-untype
 
 
 @kernel
-def _tree_shadow(node, look, strip):  # type: ignore[no-untyped-def]
-    """Set `node` to the share of light that trees leave.
+def _tree_shadow(grid, rows, ground, look, view, p):  # type: ignore[no-untyped-def]
+    """Set `grid` to the share of light that trees leave.
 
     Two octaves stretched along the sun's direction, and a slow one that says where trees stand at all.
     """
-    sin_s, cos_s = math.sin(look.sun_azimuth_rad + 1.1), math.cos(look.sun_azimuth_rad + 1.1)
-    u, v = cos_s * strip.x + sin_s * strip.y, -sin_s * strip.x + cos_s * strip.y
-    du, dv = NODE_PX * (cos_s * strip.dx + sin_s * strip.dy), NODE_PX * (-sin_s * strip.dx + cos_s * strip.dy)
+    s, c = math.sin(look.sun_azimuth_rad + 1.1), math.cos(look.sun_azimuth_rad + 1.1)
     seed = look.world_seed
-    node[:] = 0.0
-    add_value_noise(
-        node,
-        strip.x / 60.0,
-        strip.y / 60.0,
-        NODE_PX * strip.dx / 60.0,
-        NODE_PX * strip.dy / 60.0,
-        seed + 31,
-        0.8,
-    )
-    amplitude = fade(5.0, strip.footprint)
-    if amplitude > 0.0:
-        add_value_noise(node, u / 11.0, v / 5.0, du / 11.0, dv / 5.0, seed + 32, 0.8 * amplitude)
-    amplitude = fade(1.2, strip.footprint)
-    if amplitude > 0.0:
-        add_value_noise(node, u / 2.2, v / 1.2, du / 2.2, dv / 1.2, seed + 33, 0.45 * amplitude)
+    grid[:rows] = 0.0
+    # of the slow one, rows fade out only where no ground is seen any more
+    add_octave(grid, rows, ground, Octave(1.0 / 60.0, 0.0, 0.0, 1.0 / 60.0, 60.0, 4, seed + 31, 0.8), view, p)
+    for k in range(2):
+        u, v, stride, amplitude = (11.0, 5.0, 2, 0.8) if k == 0 else (2.2, 1.2, 1, 0.45)
+        octave = Octave(c / u, s / u, -s / v, c / v, v, stride, seed + 32 + k, amplitude)
+        add_octave(grid, rows, ground, octave, view, p)
     threshold = np.float32(0.85 - 1.7 * look.shadow_cover)
     strength = np.float32(look.shadow)
     sharp = np.float32(4.0)
     zero, one, two, three = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(3.0)
     half = np.float32(0.5)
-    for m in range(node.shape[0]):
-        t = min(max((node[m] - threshold) * sharp + half, zero), one)
-        node[m] = one - strength * (t * t * (three - two * t))
+    for y in range(rows):
+        node = grid[y]
+        for m in range(node.shape[0]):
+            t = min(max((node[m] - threshold) * sharp + half, zero), one)
+            node[m] = one - strength * (t * t * (three - two * t))
 
 
 @kernel

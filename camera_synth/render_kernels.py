@@ -8,11 +8,20 @@ from camera_synth.body_kernels import new_bodies, paint_bodies, place
 from camera_synth.condition import look_of
 from camera_synth.degrade import NODE_PX, value_noise
 from camera_synth.ground_kernels import cross, lay, new_crossings, new_curves, tabulate
-from camera_synth.light_kernels import light_ground
+from camera_synth.light_kernels import cast_light, light_ground
+from camera_synth.pattern_kernels import ground_of
 from camera_synth.sensor_kernels import exposure_of, read_out
-from camera_synth.surface_kernels import paint_ground, paint_markings, paint_tracks, view_of
+from camera_synth.surface_kernels import (
+    paint_ground,
+    paint_markings,
+    paint_tracks,
+    texture_ground,
+    view_of,
+)
 from camera_synth.truth_kernels import locate
 from sumo_net.compile import kernel
+
+BLOCK_ROWS = 16  # painted layer by layer: 20 KB of the canvas stay in the first cache
 
 
 @kernel
@@ -33,17 +42,24 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     judged = borders.column.shape[0] == n
     middles, boxes = new_crossings(borders.column.shape[2] - 1), np.empty((objects.handle.shape[1], 4))
     lay(middles, 0.0, p)
-    node, skyline = np.zeros(width // NODE_PX + 1, np.float32), np.zeros(width, np.float32)
+    nodes = width // NODE_PX + 1
+    node, skyline = np.zeros(nodes, np.float32), np.zeros(width, np.float32)
+    texture, light = np.zeros((rows, nodes), np.float32), np.zeros((rows, nodes), np.float32)
+    strips = ground_of(ground, nodes, p)
     for i in range(n):
         look = look_of(looks, i)
         view = view_of(x_m[i], y_m[i], heading_rad[i], p)
         tabulate(curves, road, i, p)
         cross(crossings, curves, -0.5, p)
-        paint_ground(canvas, field, node, ground, crossings, look, view, p)
-        if look.wheel_tracks > 0.0:
-            paint_tracks(canvas, ground, crossings, look)
-        paint_markings(canvas, ground, crossings, look, view, p)
-        light_ground(canvas, field, node, ground, crossings, look, view, p)
+        textured = texture_ground(texture, ground, strips, look, view, p)
+        uneven = cast_light(light, ground, strips, crossings, look, view, p)
+        for first in range(0, ground, BLOCK_ROWS):
+            end = min(first + BLOCK_ROWS, ground)
+            paint_ground(canvas, texture, first, end, textured, crossings, look)
+            if look.wheel_tracks > 0.0:
+                paint_tracks(canvas, first, end, crossings, look)
+            paint_markings(canvas, first, end, crossings, look, view, p)
+            light_ground(canvas, light, uneven, first, end, crossings, look)
         if rows > ground:
             _trace_skyline(skyline, view, p, look.world_seed)
             for y in range(ground, rows):

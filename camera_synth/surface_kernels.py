@@ -1,8 +1,8 @@
 """Asphalt, verge and paint on the canvas, before any light falls on them.
 
-The canvas (rows, width) float32 holds image row y (up from the bottom) in its row y. Each layer goes over the
-whole canvas before the next: a pass over what was written a moment ago in other chunks waits for the store
-buffer, which costs more than the arithmetic.
+The canvas (rows, width) float32 holds image row y (up from the bottom) in its row y. The layers go over some
+rows after the other, so that these stay in the first cache, but not over one row at a time: a pass over what
+was written a moment ago in other chunks waits for the store buffer, which costs more than the arithmetic.
 """
 
 import math
@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camera_synth.degrade import NODE_PX, add_value_noise, fade, interpolate, soft_step, value_noise
+from camera_synth.degrade import NODE_PX, fade, soft_step, value_noise
 from camera_synth.ground_kernels import LEFT_EDGE, RIGHT_EDGE, paint_band, paint_dashes, row_line
+from camera_synth.pattern_kernels import Octave, add_octave
 from sumo_net.compile import kernel
 from sumo_net.road import DASHED, MAX_BORDERS
 
@@ -70,15 +71,26 @@ def strip_of(y, footprint, view, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def paint_ground(canvas, field, node, rows, crossings, look, view, p):  # type: ignore[no-untyped-def]
-    """Asphalt between its edges and verge beside it, with the texture of both, on the lowest `rows` rows."""
-    textured = np.int64(0)  # the footprint grows upwards, so texture ends at some row
-    while textured < rows and look.texture > 0.0:
-        footprint = crossings.ahead[textured + 1] - crossings.ahead[textured]
-        if not _texture(field[textured], node, strip_of(textured, footprint, view, p), look):
-            break
-        textured += 1
-    for y in range(rows):
+def texture_ground(grid, rows, ground, look, view, p):  # type: ignore[no-untyped-def]
+    """The texture of the lowest `rows` rows on `grid` (rows, nodes); returns how many rows have any.
+
+    A row's footprint grows upwards, so texture ends at some row.
+    """
+    grid[:rows] = 0.0
+    textured = np.int64(0)
+    if look.texture > 0.0:
+        for k in range(3):
+            wavelength = 0.4 * 4.0**k
+            f = 1.0 / wavelength
+            octave = Octave(f, 0.0, 0.0, f, wavelength, 2**k, look.world_seed + 11 + k, 1.0)
+            textured = max(textured, add_octave(grid, rows, ground, octave, view, p))
+    return textured
+
+
+@kernel
+def paint_ground(canvas, grid, first, end, textured, crossings, look):  # type: ignore[no-untyped-def]
+    """Asphalt between its edges and verge beside it on rows `first` to `end` - 1, with `texture_ground`."""
+    for y in range(first, end):
         right = crossings.kind[y, RIGHT_EDGE] != 0 and crossings.kind[y + 1, RIGHT_EDGE] != 0
         left = crossings.kind[y, LEFT_EDGE] != 0 and crossings.kind[y + 1, LEFT_EDGE] != 0
         l0, l1, r0, r1 = _FAR, _FAR, -_FAR, -_FAR
@@ -91,8 +103,8 @@ def paint_ground(canvas, field, node, rows, crossings, look, view, p):  # type: 
         rise_l, rise_r = 1.0 / (1.0 + abs(l1 - l0)), 1.0 / (1.0 + abs(r1 - r0))
         _tone(
             canvas[y],
-            field[y],
-            np.float32(1.0 if y < textured else 0.0),
+            grid[y],
+            y < textured,
             np.float32(rise_l),
             np.float32(0.5 - 0.5 * (l0 + l1) * rise_l),
             np.float32(rise_r),
@@ -104,47 +116,30 @@ def paint_ground(canvas, field, node, rows, crossings, look, view, p):  # type: 
 
 
 @kernel
-def _texture(out, node, strip, look):  # type: ignore[no-untyped-def]
-    """Set `out` to the texture of a row; False where the row is too far for any."""
-    active = False
-    for octave in range(3):
-        wavelength = 0.4 * 4.0**octave
-        amplitude = fade(wavelength, strip.footprint)
-        if amplitude > 0.0:
-            if not active:
-                node[:] = 0.0
-                active = True
-            f = 1.0 / wavelength
-            add_value_noise(
-                node,
-                strip.x * f,
-                strip.y * f,
-                NODE_PX * strip.dx * f,
-                NODE_PX * strip.dy * f,
-                look.world_seed + 11 + octave,
-                amplitude,
-            )
-    if active:
-        interpolate(node, out)
-    return active
-
-
-@kernel
-def _tone(row, texture, textured, rise_l, at_l, rise_r, at_r, verge, asphalt, strength):  # type: ignore[no-untyped-def]
+def _tone(row, node, textured, rise_l, at_l, rise_r, at_r, verge, asphalt, strength):  # type: ignore[no-untyped-def]
     zero, one = np.float32(0.0), np.float32(1.0)
-    rough = np.float32(2.0) * strength * textured  # of the verge
-    less, step = strength * textured - rough, asphalt - verge
-    for x in range(row.shape[0]):
-        f = np.float32(x)
-        cover = min(max(min(f * rise_l + at_l, at_r - f * rise_r), zero), one)
-        row[x] = verge + step * cover + texture[x] * (rough + less * cover)
+    rough = np.float32(2.0) * strength  # of the verge
+    less, step = strength - rough, asphalt - verge
+    if textured:
+        part = np.float32(1.0 / NODE_PX)
+        for m in range(node.shape[0] - 1):
+            at, rise = node[m], (node[m + 1] - node[m]) * part
+            for k in range(NODE_PX):
+                f = np.float32(NODE_PX * m + k)
+                cover = min(max(min(f * rise_l + at_l, at_r - f * rise_r), zero), one)
+                texture = at + np.float32(k) * rise
+                row[NODE_PX * m + k] = verge + step * cover + texture * (rough + less * cover)
+    else:
+        for x in range(row.shape[0]):
+            f = np.float32(x)
+            row[x] = verge + step * min(max(min(f * rise_l + at_l, at_r - f * rise_r), zero), one)
 
 
 @kernel
-def paint_tracks(canvas, rows, crossings, look):  # type: ignore[no-untyped-def]
-    """Two darker wheel tracks in each lane between markings."""
+def paint_tracks(canvas, first, end, crossings, look):  # type: ignore[no-untyped-def]
+    """Two darker wheel tracks in each lane between markings, on rows `first` to `end` - 1."""
     kind, column = crossings.kind, crossings.column
-    for y in range(rows):
+    for y in range(first, end):
         row = canvas[y]
         for k in range(MAX_BORDERS - 1):
             if kind[y, k] == 0 or kind[y, k + 1] == 0 or kind[y + 1, k] == 0 or kind[y + 1, k + 1] == 0:
@@ -171,13 +166,13 @@ def _paint_track(row, centre, half, grey):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def paint_markings(canvas, rows, crossings, look, view, p):  # type: ignore[no-untyped-def]
-    """The lines, by the share of each pixel that they cover, less what is worn."""
+def paint_markings(canvas, lowest, end, crossings, look, view, p):  # type: ignore[no-untyped-def]
+    """The lines on rows `lowest` to `end` - 1, by the share of each pixel that they cover, less what is worn."""
     kind, column, scale, station = crossings.kind, crossings.column, crossings.scale, crossings.station
     stroke, period = look.dash_stroke_m, look.dash_stroke_m + look.dash_gap_m
     worn = look.wear > 0.0 or look.missing > 0.0
     grey = look.paint_grey
-    for y in range(rows):
+    for y in range(lowest, end):
         row = canvas[y]
         strip = strip_of(y, crossings.ahead[y + 1] - crossings.ahead[y], view, p)
         first, last = MAX_BORDERS, -1

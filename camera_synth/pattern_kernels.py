@@ -1,0 +1,123 @@
+"""Patterns on the ground as a camera sees them: octaves of smooth noise on a grid of rows and nodes.
+
+An octave is worked out only where it changes: on rows a SAMPLES-th of its wavelength apart on the ground, and
+on every `stride`-th node of those. Between them it is linear, along the line of sight as across it. Near the
+vehicle, where a row spans a few centimetres, that leaves out most of the long waves' points.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from camera_synth.degrade import NODE_PX, add_value_noise, fade
+from camera_synth.ground_kernels import row_line
+from sumo_net.compile import kernel
+
+SAMPLES = 6.0  # rows a wavelength, at least, where the image has as many
+STRIDES = (1, 2, 4)  # that divide the number of nodes
+
+
+class Octave(NamedTuple):
+    """One octave: noise at the lattice point (u_x X + u_y Y, v_x X + v_y Y) of a world point (X, Y)."""
+
+    u_x: float  # 1/m
+    u_y: float
+    v_x: float
+    v_y: float
+    wavelength: float  # m, the shortest; where a row spans more than half of it, there is nothing
+    stride: int  # of STRIDES
+    seed: int
+    amplitude: float
+
+
+class Ground(NamedTuple):
+    """The ground as the rows of one camera's image show it, the same for every vehicle."""
+
+    ahead: np.ndarray  # (rows,) m from the camera to the middle of a row
+    footprint: np.ndarray  # (rows,) m of it that a row spans
+    node: np.ndarray  # (nodes,) float32 scratch
+    low: np.ndarray  # (nodes,) float32 scratch
+    high: np.ndarray  # (nodes,) float32 scratch
+
+
+@kernel
+def ground_of(rows, nodes, p):  # type: ignore[no-untyped-def]
+    """The Ground of the lowest `rows` rows, with scratch for `nodes` nodes a row."""
+    ahead, footprint = np.empty(rows), np.empty(rows)
+    for y in range(rows):
+        below, _ = row_line(y - 0.5, p)
+        above, _ = row_line(y + 0.5, p)
+        ahead[y], _ = row_line(np.float64(y), p)
+        footprint[y] = above - below
+    return Ground(
+        ahead,
+        footprint,
+        np.zeros(nodes, np.float32),
+        np.zeros(nodes, np.float32),
+        np.zeros(nodes, np.float32),
+    )
+
+
+@kernel
+def add_octave(grid, rows, ground, octave, view, p):  # type: ignore[no-untyped-def]
+    """grid[y] += amplitude · N on the lowest `rows` rows; returns how many rows the octave reaches.
+
+    grid (rows, nodes) float32. The octave fades out where a row spans more than a quarter of its wavelength.
+    """
+    ahead, footprint, wavelength = ground.ahead, ground.footprint, octave.wavelength
+    reach = 0
+    while reach < rows and footprint[reach] < 0.5 * wavelength:
+        reach += 1
+    if reach == 0:
+        return reach
+    farthest = wavelength / SAMPLES
+    near = 0
+    low, high = ground.low, ground.high
+    _noise_row(low, ground.node, ahead[0], octave, view, p)
+    _add_between(grid[0], low, low, octave.amplitude * fade(wavelength, footprint[0]), 0.0)
+    while near < reach - 1:
+        far = near + 1
+        while far < reach - 1 and ahead[far + 1] - ahead[near] <= farthest:
+            far += 1
+        _noise_row(high, ground.node, ahead[far], octave, view, p)
+        whole = 1.0 / (ahead[far] - ahead[near])
+        for y in range(near + 1, far + 1):
+            strength = octave.amplitude * fade(wavelength, footprint[y])
+            share = (ahead[y] - ahead[near]) * whole * strength
+            _add_between(grid[y], low, high, strength - share, share)
+        near = far
+        low, high = high, low
+    return reach
+
+
+@kernel
+def _noise_row(out, node, ahead, octave, view, p):  # type: ignore[no-untyped-def]
+    """The octave on the nodes of the ground line `ahead` of the camera; `node` is scratch."""
+    stride = octave.stride
+    depth = p.cos_pitch * ahead + p.sin_pitch * p.height
+    aside, step = p.center_x * depth / p.focal, -depth / p.focal * (NODE_PX * stride)
+    x = view.x + view.cos * ahead - view.sin * aside
+    y = view.y + view.sin * ahead + view.cos * aside
+    dx, dy = -view.sin * step, view.cos * step
+    u, v = octave.u_x * x + octave.u_y * y, octave.v_x * x + octave.v_y * y
+    du, dv = octave.u_x * dx + octave.u_y * dy, octave.v_x * dx + octave.v_y * dy
+    if stride == 1:
+        out[:] = 0.0
+        add_value_noise(out, u, v, du, dv, octave.seed, 1.0)
+        return
+    some = node[: (out.shape[0] - 1) // stride + 1]
+    some[:] = 0.0
+    add_value_noise(some, u, v, du, dv, octave.seed, 1.0)
+    part = np.float32(1.0 / stride)
+    for m in range(some.shape[0] - 1):
+        at, rise = some[m], (some[m + 1] - some[m]) * part
+        for k in range(stride):
+            out[m * stride + k] = at + np.float32(k) * rise
+    out[out.shape[0] - 1] = some[some.shape[0] - 1]
+
+
+@kernel
+def _add_between(out, low, high, share_low, share_high):  # type: ignore[no-untyped-def]
+    a, b = np.float32(share_low), np.float32(share_high)
+    for m in range(out.shape[0]):
+        out[m] += a * low[m] + b * high[m]
