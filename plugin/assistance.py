@@ -8,12 +8,14 @@ import numpy as np
 import pandas as pd
 
 from camera_synth.pose import Pose
+from ego_synth.sensors import SensorState
 from plugin import capture, rear_end
 from plugin.capture import Capture, Moment, Watch
 from plugin.configuration import Configuration, configuration_from, versions, write_configuration
 from plugin.ground_truth import curvature_ahead, margins, true_motion
 from plugin.motion import observer, prediction
 from plugin.motion.estimate import MotionEstimate, Trajectory
+from plugin.own_motion import OwnSensors
 from plugin.ranging import Ranging, RangingState, bodies_ahead
 from plugin.reaction import Listeners
 from plugin.record import Recorder
@@ -43,6 +45,7 @@ class FleetState(NamedTuple):
     """What the assistance of n vehicles carries from step to step."""
 
     handle: Array  # (n,) int64
+    own: SensorState
     vision: VisionState
     observer: observer.State
     departure: departure.DepartureState
@@ -91,6 +94,7 @@ class DriverAssistance:
         self._choice = EquipmentChoice(configuration.equipment, seed)
         self._equipped = np.zeros(256, np.bool_)  # by handle
         self._last_handle = -1
+        self._own = OwnSensors(configuration, seed)
         self._vision = Vision(configuration, seed, threads, compare_paper)
         self._preview_m = configuration.camera.preview_m
         self._observing = observer.schedule(configuration.vehicle, self._preview_m, configuration.observing)
@@ -246,6 +250,7 @@ class DriverAssistance:
         names = [self._names[int(h)] for h in handle] if n else []
         return FleetState(
             handle,
+            self._own.init(names),
             self._vision.init(names),
             observer.init(n, self._observing),
             departure.init(n),
@@ -272,22 +277,25 @@ class DriverAssistance:
         pose = Pose(truth.x_m, truth.y_m, truth.heading_rad)
         objects = objects_around(truth, snapshot)
         scene = Scene(ahead, objects, pose, truth.lanes_left, truth.lane_offset_m, truth.lane_width_m)
-        speed = truth.speed_mps
-        vision, sight = self._vision.step(state.vision, scene, speed)
-        observing, motion = observer.step(state.observer, self._observing, sight.lane, speed)
+        sensors, own = self._own.step(state.own, truth)
+        speed = own.readings.speed_mps
+        turn = observer.turn(state.observer, self._observing, own.observed)
+        vision, sight = self._vision.step(state.vision, scene, speed, turn)
+        observing, motion = observer.step(state.observer, self._observing, sight.lane, speed, own.observed)
         paths, crossings = self._foresee(motion, speed, spans)
         actual = true_motion(truth, ahead, self._preview_m)
-        actual_path = prediction.predict(actual, speed, self._predicting)
+        actual_path = prediction.predict(actual, truth.speed_mps, self._predicting)
         floor = time_to_lane_crossing(actual, actual_path, configuration.vehicle, spans)
         warning_state, warning = departure.step(
             state.departure, crossings["predicted"], motion, speed, truth.signal, self._warning
         )
+        readings = self._own.for_radar(own, observing, motion)
         ranging, self._tracked, echo = self._ranging.step(
-            state.ranging, self._tracked, truth, snapshot, motion
+            state.ranging, self._tracked, truth, snapshot, motion, readings
         )
-        bodies = bodies_ahead(echo.tracks, self._tracked.tracks.unseen_s, truth.speed_mps, truth.yaw_rate_rps)
+        bodies = bodies_ahead(echo.tracks, self._tracked.tracks.unseen_s, speed, readings.yaw_rate_rps)
         vision = self._vision.told(vision, bodies)
-        self._state = FleetState(truth.handle, vision, observing, warning_state, ranging)
+        self._state = FleetState(truth.handle, sensors, vision, observing, warning_state, ranging)
         self._alerted = self._listeners.of(truth.handle, warning.side != 0)
         braking = self._listeners.of(truth.handle, echo.warning.level > 0)
         self._incidents.look_ahead(braking, configuration.reaction.rear_end_s)

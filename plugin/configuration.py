@@ -14,6 +14,7 @@ from pydantic import Field
 
 from camera_synth.camera import Camera
 from camera_synth.condition import PRESETS, Condition, preset_settings
+from ego_synth.sensors import EgoSensors
 from plugin.conflicts import ConflictSettings
 from plugin.events import Matching
 from plugin.lane.genetic import GeneticSearch
@@ -47,6 +48,7 @@ class Configuration(Scenario):
     condition: Condition = Field(
         default_factory=Condition, description="light, weather, paint; in TOML also `preset`"
     )
+    ego_sensors: EgoSensors = Field(default_factory=EgoSensors, description="gyroscope, steering, wheels")
     search: GeneticSearch = Field(default_factory=GeneticSearch, description="the published lane search")
     plausibility: Plausibility = Field(default_factory=Plausibility, description="of the published search")
     refine: Refine = Field(default_factory=Refine, description="the default lane tracker")

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ego_synth.sensors import Readings
 from plugin.configuration import Configuration
 from plugin.lane.hidden import Bodies
 from plugin.motion.estimate import MotionEstimate
@@ -84,8 +85,13 @@ class Ranging:
         truth: EgoTruth,
         snapshot: Snapshot,
         motion: MotionEstimate,
+        readings: Readings,
     ) -> tuple[RangingState, TrackerState, Echo]:
-        """Scan, track and warn, for n > 0 vehicles; `motion` is what the camera chain says."""
+        """Scan, track and warn, for n > 0 vehicles.
+
+        `motion` is what the observer says, `readings` are the vehicle's own sensors'. The truth is for the
+        radar's synthesiser alone.
+        """
         objects = objects_in_view(self._radar, truth, snapshot, self._roadside)
         own = OwnMotion(truth.speed_mps, truth.lateral_speed_mps, truth.yaw_rate_rps)
         reported, behind, seen = scan(self._radar, objects, own, state.radar_key, state.scan)
@@ -97,11 +103,11 @@ class Ranging:
             flat.azimuth_rad,
             np.full(len(flat.owner), -1, np.int64),
         )
-        # the vehicle's own sensors give all but v_y, which the camera's observer knows
+        # the vehicle's own sensors give all but v_y, which the observer knows
         ego = EgoMotion(
-            truth.speed_mps,
-            truth.acceleration_mps2,
-            truth.yaw_rate_rps,
+            readings.speed_mps,
+            readings.acceleration_mps2,
+            readings.yaw_rate_rps,
             np.nan_to_num(motion.lateral_speed_mps),
         )
         tracked, tracks = self._tracker.step(tracked, detections, ego, STEP_S)
@@ -110,9 +116,9 @@ class Ranging:
             state.collision,
             targets,
             motion,
-            truth.speed_mps,
-            truth.acceleration_mps2,
-            truth.yaw_rate_rps,
+            readings.speed_mps,
+            readings.acceleration_mps2,
+            readings.yaw_rate_rps,
             self._collision,
         )
         after = RangingState(state.radar_key, state.scan + 1, warned)

@@ -23,6 +23,18 @@ class MotionEstimate(NamedTuple):
     lane_shift: Array  # int8: +1 the offset refers to the lane on the left of the step before, -1 right
 
 
+class OwnReadings(NamedTuple):
+    """What the vehicle's own sensors say beside its speed, (n,) each, left positive; NaN where there are none."""
+
+    yaw_rate_rps: Array  # gyroscope
+    steer_rad: Array  # front wheels, by the steering wheel's angle
+
+
+def no_readings(n: int) -> OwnReadings:
+    """n vehicles of which the camera is all that is known."""
+    return OwnReadings(np.full(n, np.nan), np.full(n, np.nan))
+
+
 def blank(n: int) -> MotionEstimate:
     """A MotionEstimate of n vehicles to be written into."""
     parts = [np.empty(n) for _ in MotionEstimate._fields[:-1]]

@@ -1,4 +1,4 @@
-"""The default observer: yaw rate and lateral speed from the camera alone, at any speed.
+"""The default observer: yaw rate and lateral speed from the camera and the vehicle's own sensors, at any speed.
 
 Where Zhang et al. 2011 take the steer for a known input, differentiated out of the picture, this filter keeps
 it as a state: the steer is what the road's curvature asks for (a little ahead of the vehicle) plus a residual
@@ -12,6 +12,9 @@ on; what lies under the wheels comes from its memory. So heading and offset err 
 been turned about that point: by an error that lasts for seconds (a state), and by a tracker that takes the
 car to roll without slip (in proportion to v_y).
 
+A gyroscope and a steering sensor, where the vehicle has them, are two more measurements: γ and the steer, each
+with an offset that is a state and wanders slowly. Without them the filter is the camera's alone.
+
 The model is linear for a given speed: Φ and Q are worked out on a table of speeds at set-up and interpolated.
 The exact discretisation of the single-track model becomes rolling without slip by itself as v → 0.
 """
@@ -24,11 +27,13 @@ from pydantic import Field
 
 from plugin.lane.estimate import LaneEstimate
 from plugin.motion import filter_kernels
-from plugin.motion.estimate import Array, MotionEstimate, blank
+from plugin.motion.estimate import Array, MotionEstimate, OwnReadings, blank, no_readings
 from plugin.motion.filter_kernels import (
     AIM,
+    ALIGNMENT,
     BIAS,
     CALM,
+    GYRO,
     KRATE,
     PSI,
     UNREST,
@@ -89,6 +94,21 @@ class FilterSettings:
     yaw_rate_noise: float = Field(5e-4, ge=0, description="model: γ, rad/s per √s")
     heading_noise: float = Field(1e-5, ge=0, description="model: ψ, rad per √s")
 
+    yaw_rate_reading_rps: float = Field(1.1e-3, gt=0, description="gyroscope: noise of a reading")
+    yaw_rate_offset_rps: float = Field(2e-3, gt=0, description="gyroscope: its offset at first sight")
+    yaw_rate_walk: float = Field(2e-5, ge=0, description="gyroscope: its offset wanders, rad/s per √s")
+    steer_reading_rad: float = Field(5e-5, gt=0, description="steering: noise of a reading, front wheels")
+    steer_scale: float = Field(0.01, ge=0, description="steering: share of the angle that it errs by besides")
+    steer_offset_rad: float = Field(1.1e-3, gt=0, description="steering: its offset at first sight")
+    steer_walk: float = Field(1.1e-5, ge=0, description="steering: its offset wanders, rad per √s")
+    sensed_look_factor: float = Field(
+        2.5,
+        gt=0,
+        description="on offset_m and heading_rad while both sensors read: errors of looks are alike for long, "
+        "which shows once the motion is known without them",
+    )
+    sensed_slip_error: float = Field(0.005, ge=0, description="slip_error while both sensors read")
+
     clip_sd: float = Field(6.0, gt=1, description="an innovation counts up to so many sd, twice that …")
     doubt_sd: float = Field(16.0, gt=1, description="a look so far off contradicts the estimate: no warning")
     misfit_m: float = Field(0.3, gt=0, description="or its offset so far off, makes a misfit")
@@ -98,9 +118,12 @@ class FilterSettings:
 
 
 def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: float) -> tuple[Array, Array]:
-    """F (11, 11) and the noise input G (11, 11), unit white noises, of dx/dt = F x + G w."""
+    """F (11, 11) and the noise input G (11, 11), unit white noises, of dx/dt = F x + G w.
+
+    Of all states but the sensors' offsets, which nothing of this depends on.
+    """
     c, v = settings, speed_mps
-    F, G = np.zeros((N, N)), np.zeros((N, N))
+    F, G = np.zeros((GYRO, GYRO)), np.zeros((GYRO, GYRO))
     A, B = single_track(vehicle, max(v, _STANDSTILL_MPS))
     F[:2, :2] = A
     for state, share in zip((K, KRATE, R), steer_shares(vehicle, c, v), strict=True):
@@ -140,6 +163,17 @@ def discretise(F: Array, G: Array, step_s: float) -> tuple[Array, Array]:
     return transition, noise
 
 
+def with_offsets(
+    transition: Array, noise: Array, settings: FilterSettings, step_s: float
+) -> tuple[Array, Array]:
+    """Φ (13, 13) and Q (13, 13): the sensors' offsets beside, each a random walk."""
+    full, walk = np.eye(N), np.zeros((N, N))
+    full[:GYRO, :GYRO], walk[:GYRO, :GYRO] = transition, noise
+    walk[GYRO, GYRO] = settings.yaw_rate_walk**2 * step_s
+    walk[ALIGNMENT, ALIGNMENT] = settings.steer_walk**2 * step_s
+    return full, walk
+
+
 def steer_shares(vehicle: Vehicle, settings: FilterSettings, speed_mps: float) -> tuple[float, float, float]:
     """δ_D as a sum over (K, K', residual acceleration): the road's curvature ahead, and the rest."""
     per_curvature = vehicle.wheelbase_m + vehicle.understeer * speed_mps**2
@@ -153,14 +187,17 @@ def schedule(
     """Discretise on the table of speeds; preview_m is D_L, where the camera reports the curvature."""
     c = settings
     speeds = np.arange(0.0, _FASTEST_MPS + 1e-9, _TABLE_STEP_MPS)
-    held = [discretise(*continuous_model(vehicle, c, float(v)), step_s) for v in speeds]
+    held = [
+        with_offsets(*discretise(*continuous_model(vehicle, c, float(v)), step_s), c, step_s) for v in speeds
+    ]
     H, R = measurement(c, preview_m)
     W = np.linalg.inv(np.linalg.cholesky(R))
     near = c.curvature_1pm + preview_m * c.curvature_rate_1pm2
     heading = math.hypot(c.heading_rad, c.heading_bias_rad)
     seen = [math.hypot(c.offset_m, c.pivot_m * heading), heading, near, c.curvature_rate_1pm2]
     own = [c.residual_mps2, c.residual_mps2, 1.0, math.sqrt(0.5), c.heading_bias_rad]
-    first = np.array([_UNKNOWN_V_Y, _UNKNOWN_YAW, *seen, *own])
+    offsets = [c.yaw_rate_offset_rps, c.steer_offset_rad]
+    first = np.array([_UNKNOWN_V_Y, _UNKNOWN_YAW, *seen, *own, *offsets])
     turns = [_turn(vehicle, max(float(v), _STANDSTILL_MPS)) for v in speeds]
     return FilterSchedule(
         np.array([transition for transition, _ in held]),
@@ -184,11 +221,17 @@ def schedule(
         c.misfit_looks,
         c.one_border_factor,
         c.width_share,
+        c.yaw_rate_reading_rps**2,
+        c.steer_reading_rad**2,
+        c.steer_scale,
+        c.slow_mps,
+        c.sensed_look_factor,
+        c.sensed_slip_error,
     )
 
 
 def measurement(settings: FilterSettings, preview_m: float) -> tuple[Array, Array]:
-    """H (4, 11) and R (4, 4) of a look (d, ψ, K_L, K')."""
+    """H (4, 13) and R (4, 4) of a look (d, ψ, K_L, K')."""
     c = settings
     H = np.zeros((M, N))
     H[0, D] = H[1, PSI] = H[2, K] = H[3, KRATE] = 1.0
@@ -222,10 +265,28 @@ def init(n: int) -> FilterState:
 
 
 def step(
-    state: FilterState, schedule: FilterSchedule, lane: LaneEstimate, speed_mps: Array
+    state: FilterState,
+    schedule: FilterSchedule,
+    lane: LaneEstimate,
+    speed_mps: Array,
+    own: OwnReadings | None = None,
 ) -> tuple[FilterState, MotionEstimate]:
     """One step of the filter for n vehicles; speed_mps (n,). Coasts where the lane is not seen."""
     n = len(speed_mps)
     new, out = init(n), blank(n)
-    filter_kernels.step(state, schedule, lane, speed_mps, new, out)
+    filter_kernels.step(state, schedule, lane, own or no_readings(n), speed_mps, new, out)
     return new, out
+
+
+def own_yaw_rate(state: FilterState, schedule: FilterSchedule, own: OwnReadings) -> tuple[Array, Array]:
+    """The gyroscope's yaw rate (n,) without the offset that is known so far, and its variance."""
+    known = state.P[:, GYRO, GYRO]
+    variance = np.where(known > 0.0, known, schedule.initial[GYRO]) + schedule.yaw_rate_noise
+    return own.yaw_rate_rps - state.x[:, GYRO], variance
+
+
+def turn(state: FilterState, schedule: FilterSchedule, own: OwnReadings) -> Array:
+    """(n, 2): mean yaw rate of the step that leads to these readings, and its variance; NaN without them."""
+    now, variance = own_yaw_rate(state, schedule, own)
+    before = np.where(state.running, state.x[:, YAW], now)
+    return np.stack([0.5 * (before + now), np.where(np.isfinite(now), variance, np.nan)], axis=-1)

@@ -1,9 +1,11 @@
-"""Kernel of the camera-only motion filter over the fleet: a Kalman filter of eleven states a vehicle.
+"""Kernel of the motion filter over the fleet: a Kalman filter of thirteen states a vehicle.
 
-x = (v_y, γ, d, ψ, K, K', r, q, u, w, b): lateral speed and yaw rate, offset and heading to the lane, the
-lane's curvature at the vehicle and its change along the lane, the lateral acceleration that the driver steers
-for beyond the road's, and where the arms are leading it; u − w, the quick unrest of the steer, and w its slow
-part; b, the slowly varying error of the camera's heading.
+x = (v_y, γ, d, ψ, K, K', r, q, u, w, b, g, o): lateral speed and yaw rate, offset and heading to the lane,
+the lane's curvature at the vehicle and its change along the lane, the lateral acceleration that the driver
+steers for beyond the road's, and where the arms are leading it; u − w, the quick unrest of the steer, and w
+its slow part; b, the slowly varying error of the camera's heading; g and o, the offsets of the gyroscope and
+of the steering sensor. Without those sensors g and o stay apart from the rest, which is then what the camera
+alone tells.
 """
 
 import math
@@ -14,24 +16,26 @@ import numpy as np
 from plugin.motion.estimate import Array
 from sumo_net.compile import kernel
 
-N = 11  # states
-M = 4  # measurements
-VY, YAW, D, PSI, K, KRATE, R, AIM, UNREST, CALM, BIAS = range(N)
+N = 13  # states
+M = 4  # measurements of a look
+VY, YAW, D, PSI, K, KRATE, R, AIM, UNREST, CALM, BIAS, GYRO, ALIGNMENT = range(N)
 _HARDEST_MPS2 = 3.0  # lateral acceleration up to which the noise grows with it
 _REOPENED = (VY, YAW, PSI, R, AIM)
-_REOPENED_SD = (0.3, 0.1, 0.01, 2.0, 2.0)  # m/s, rad/s, rad, m/s², m/s²
+_OPENED_BY_YAW_RATE, _OPENED_BY_STEER = (VY, YAW), (R, AIM)
+# standard deviations by state: m/s, rad/s, rad, m/s², m/s²
+_REOPENED_SD = (0.3, 0.1, 0.0, 0.01, 0.0, 0.0, 2.0, 2.0)
 _GROSS = 2.0  # so many times off the clip an innovation is an error, no manoeuvre
 
 
 class FilterSchedule(NamedTuple):
     """Everything of the filter that is worked out before driving; m speeds from 0, equally spaced."""
 
-    transition: Array  # (m, 11, 11) Φ
-    noise: Array  # (m, 11, 11) Q
+    transition: Array  # (m, 13, 13) Φ
+    noise: Array  # (m, 13, 13) Q
     steer: Array  # (m, 3) δ_D = steer · (K, K', r)
     steady: Array  # (m, 2) (v_y, γ) in a steady turn, for curvature 1
-    initial: Array  # (11,) variances on first sight, of what that look does not tell
-    whitened: Array  # (4, 11) W H: measurements (d, ψ, K_L, K') of unit variance, uncorrelated
+    initial: Array  # (13,) variances on first sight, of what that look does not tell
+    whitened: Array  # (4, 13) W H: measurements (d, ψ, K_L, K') of unit variance, uncorrelated
     whitener: Array  # (4, 4) W
     quick: float  # rad, of UNREST − CALM
     slip_error: float  # √s of the share of v γ that the model's v̇_y errs by
@@ -47,14 +51,20 @@ class FilterSchedule(NamedTuple):
     misfits: int  # so many looks in a row grossly off start the filter anew
     one_border: float  # factor on the standard deviations while one border only is seen
     width_gain: float
+    yaw_rate_noise: float  # variance of a reading of the gyroscope
+    steer_noise: float  # variance of a reading of the front wheels' steer, at speed
+    steer_scale: float  # share of the steer that the reading errs by besides
+    slow: float  # m/s, below it the steer says less and less
+    sensed_look: float  # factor on the standard deviations of offset and heading while both sensors read
+    sensed_slip_error: float  # in the place of slip_error then
 
 
 class FilterState(NamedTuple):
     """The filter of n vehicles."""
 
     running: Array  # (n,) bool
-    x: Array  # (n, 11)
-    P: Array  # (n, 11, 11)
+    x: Array  # (n, 13)
+    P: Array  # (n, 13, 13)
     width: Array  # (n,)
     unseen: Array  # (n,) s since the lane was last seen
     age: Array  # (n,) s since the filter started
@@ -63,8 +73,11 @@ class FilterState(NamedTuple):
 
 
 @kernel
-def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
-    """One step for n vehicles; the new FilterState into `new`, a MotionEstimate into `out`."""
+def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
+    """One step for n vehicles; the new FilterState into `new`, a MotionEstimate into `out`.
+
+    `own` (OwnReadings) are the vehicle's own sensors', NaN where there are none.
+    """
     F, Q, half = np.empty((N, N)), np.empty((N, N)), np.empty((N, N))
     z, gain, PH = np.empty(M), np.empty(N), np.empty(N)
     for i in range(speed.size):
@@ -80,13 +93,15 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
         unseen = 0.0 if seen else state.unseen[i] + s.step
         running = state.running[i] and unseen <= s.coast + 1e-9 and math.isfinite(v)
         if not running and not (seen and math.isfinite(v)):
-            forget(i, new, out)
+            forget(i, state, new, out)
             continue
 
         at = min(v / s.spacing, s.steer.shape[0] - 1 - 1e-9)
         j = int(at)
         w = at - j
         x, P = new.x[i], new.P[i]
+        yaw_rate, steer = own.yaw_rate_rps[i], own.steer_rad[i]
+        sensed = math.isfinite(yaw_rate + steer)
         shift, misfits, age, settled = 0, 0, 0.0, 0.0
         width = lane.lane_width_m[i] if seen else state.width[i]
         if running:
@@ -99,8 +114,9 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
             predict(state.x[i], state.P[i], j, w, s, F, Q, half, x, P)
             # Another load errs with the turn; who steers much is about to steer otherwise.
             turn, steered = min(abs(v * x[YAW]), _HARDEST_MPS2), min(abs(x[R]), _HARDEST_MPS2)
-            P[VY, VY] += s.step * (s.slip_error * turn) ** 2
+            P[VY, VY] += s.step * ((s.sensed_slip_error if sensed else s.slip_error) * turn) ** 2
             P[AIM, AIM] += s.step * (s.liveliness * steered) ** 2
+            sense(x, P, yaw_rate, steer, j, w, v, s, gain, PH)
             if math.isfinite(width):
                 shift = int(lane.lane_shift[i])
                 x[D] -= shift * width
@@ -112,12 +128,14 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
                     shift += jump
                 spread = s.one_border if borders == 1 else 1.0
                 away = abs(z[0] - x[D]) > s.away
-                off = update(x, P, z, spread, s, gain, PH)
-                if off > _GROSS * s.clip and not away:
+                pose_spread = spread * s.sensed_look if sensed else spread
+                off = update(x, P, z, pose_spread, spread, s, gain, PH)
+                if off > _GROSS * s.clip and not away and not sensed:
                     # An abrupt manoeuvre, no error of the camera: what is not measured is open again.
                     for k in range(len(_REOPENED)):
-                        P[_REOPENED[k], _REOPENED[k]] += _REOPENED_SD[k] ** 2
-                    off = update(x, P, z, spread, s, gain, PH)
+                        a = _REOPENED[k]
+                        P[a, a] += _REOPENED_SD[a] ** 2
+                    off = update(x, P, z, pose_spread, spread, s, gain, PH)
                 misfits = misfits + 1 if away or off > _GROSS * s.clip else 0
                 if off > s.doubt:
                     settled = 0.0
@@ -126,6 +144,9 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
                 settled = 0.0
         if not running:
             begin(z, j, w, v, s, x, P)
+            if sensed:
+                keep(state.running[i], state.x[i], state.P[i], x, P)
+                sense(x, P, yaw_rate, steer, j, w, v, s, gain, PH)
             age, misfits, settled = 0.0, 0, 0.0
         new.running[i], new.width[i], new.unseen[i] = True, width, unseen
         new.age[i], new.misfits[i], new.settled[i] = age, misfits, settled
@@ -159,12 +180,13 @@ def predict(x0, P0, j, w, s, F, Q, half, x, P):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def update(x, P, z, spread, s, gain, PH):  # type: ignore[no-untyped-def]
+def update(x, P, z, pose_spread, road_spread, s, gain, PH):  # type: ignore[no-untyped-def]
     """One whitened measurement after the other (eqs. 17 to 19); returns by how many standard deviations the
-    worst was off.
+    worst was off. The spreads multiply the standard deviations of (d, ψ) and of (K_L, K').
     """
     worst = 0.0
     for m in range(M):
+        spread = pose_spread if m < 2 else road_spread
         S, residual = spread * spread, 0.0
         for k in range(M):
             residual += s.whitener[m, k] * z[k]
@@ -188,6 +210,67 @@ def update(x, P, z, spread, s, gain, PH):  # type: ignore[no-untyped-def]
             for c in range(r + 1):
                 P[r, c] = P[c, r] = P[r, c] - gain[r] * PH[c]
     return worst
+
+
+@kernel
+def sense(x, P, yaw_rate, steer, j, w, v, s, row, PH):  # type: ignore[no-untyped-def]
+    """Update by the gyroscope and by the steering sensor, each where it says something.
+
+    Both are surer than the model of the driver. What contradicts them is an abrupt manoeuvre, or tyres that
+    the model does not know: then what is not measured is open again, lest the offsets take it.
+    """
+    if math.isfinite(yaw_rate):
+        row[:] = 0.0
+        row[YAW] = row[GYRO] = 1.0
+        _reading(x, P, yaw_rate, s.yaw_rate_noise, s.clip, _OPENED_BY_YAW_RATE, row, PH)
+    if math.isfinite(steer) and v > 0.1:
+        row[:] = 0.0
+        row[K] = (1.0 - w) * s.steer[j, 0] + w * s.steer[j + 1, 0]
+        row[KRATE] = (1.0 - w) * s.steer[j, 1] + w * s.steer[j + 1, 1]
+        row[R] = (1.0 - w) * s.steer[j, 2] + w * s.steer[j + 1, 2]
+        row[UNREST], row[CALM], row[ALIGNMENT] = s.quick, -s.quick, 1.0
+        slowness = max(s.slow / v, 1.0) ** 4
+        noise = slowness * (s.steer_noise + (s.steer_scale * steer) ** 2)
+        _reading(x, P, steer, noise, s.clip, _OPENED_BY_STEER, row, PH)
+
+
+@kernel
+def _reading(x, P, z, noise, clip, opened, row, PH):  # type: ignore[no-untyped-def]
+    """One reading z = row · x + noise (eqs. 17 to 19)."""
+    S, residual = noise, z
+    for r in range(N):
+        residual -= row[r] * x[r]
+        PH[r] = 0.0
+        for c in range(N):
+            PH[r] += P[r, c] * row[c]
+    for r in range(N):
+        S += row[r] * PH[r]
+    if abs(residual) > clip * math.sqrt(S):
+        for k in range(len(opened)):
+            a = opened[k]
+            P[a, a] += _REOPENED_SD[a] ** 2
+            PH[a] += _REOPENED_SD[a] ** 2 * row[a]
+            S += _REOPENED_SD[a] ** 2 * row[a] ** 2
+    for r in range(N):
+        x[r] += PH[r] / S * residual
+    for r in range(N):
+        for c in range(r + 1):
+            P[r, c] = P[c, r] = P[r, c] - PH[r] * PH[c] / S
+
+
+@kernel
+def keep(running, x0, P0, x, P):  # type: ignore[no-untyped-def]
+    """Carry over from (x0, P0) what the vehicle's own sensors know whatever the lane: of a filter that ran, its
+    motion, else the sensors' offsets."""
+    for a in range(N):
+        if not (a >= GYRO or (running and (a <= YAW or a == UNREST or a == CALM))):
+            continue
+        if P0[a, a] <= 0.0:  # never known
+            continue
+        x[a] = x0[a]
+        for c in range(N):
+            if P0[c, c] > 0.0 and (c >= GYRO or (running and (c <= YAW or c == UNREST or c == CALM))):
+                P[a, c] = P0[a, c]
 
 
 @kernel
@@ -222,14 +305,16 @@ def report(i, x, j, w, s, age, width, shift, out):  # type: ignore[no-untyped-de
 
 
 @kernel
-def forget(i, new, out):  # type: ignore[no-untyped-def]
-    """Vehicle i knows nothing: NaN in the estimate, a clean state."""
+def forget(i, state, new, out):  # type: ignore[no-untyped-def]
+    """Vehicle i knows nothing: NaN in the estimate, a clean state but for the sensors' offsets."""
     new.running[i], new.age[i], new.misfits[i] = False, 0.0, 0
     new.width[i], new.unseen[i], new.settled[i] = math.nan, 0.0, 0.0
     for r in range(N):
         new.x[i, r] = 0.0
         for c in range(N):
             new.P[i, r, c] = 0.0
+    for r in (GYRO, ALIGNMENT):
+        new.x[i, r], new.P[i, r, r] = state.x[i, r], state.P[i, r, r]
     unknown(i, out)
 
 

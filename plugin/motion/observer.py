@@ -1,21 +1,22 @@
-"""The observer that a run uses: Z11's bank (`paper`) or the camera-only filter (`refined`), one way in.
+"""The observer that a run uses: Z11's bank (`paper`, camera only) or the filter (`refined`), one way in.
 
 table = schedule(vehicle, camera.preview_m, ObserverSettings())
 state = init(n, table)
-state, motion = step(state, table, lane, speed_mps)
+state, motion = step(state, table, lane, speed_mps, own)
 """
 
 from typing import Literal
 
+import numpy as np
 from pydantic import Field
 
 from plugin.lane.estimate import LaneEstimate
 from plugin.motion import bank, filter
 from plugin.motion.bank import BankSettings
 from plugin.motion.bank_kernels import BankSchedule, BankState
-from plugin.motion.estimate import Array, MotionEstimate
+from plugin.motion.estimate import Array, MotionEstimate, OwnReadings
 from plugin.motion.filter import FilterSettings
-from plugin.motion.filter_kernels import FilterSchedule, FilterState
+from plugin.motion.filter_kernels import GYRO, FilterSchedule, FilterState
 from sumo_net.settings import settings
 from sumo_net.vehicle import Vehicle
 
@@ -46,14 +47,33 @@ def init(n: int, schedule: Schedule) -> State:
 
 
 def step(
-    state: State, schedule: Schedule, lane: LaneEstimate, speed_mps: Array
+    state: State,
+    schedule: Schedule,
+    lane: LaneEstimate,
+    speed_mps: Array,
+    own: OwnReadings | None = None,
 ) -> tuple[State, MotionEstimate]:
     """One step of 0.1 s for n vehicles; speed_mps (n,) from the vehicle's own speedometer.
 
-    Without a lane it coasts for `coast_s`, then all is NaN. Raises TypeError for a state of the other mode.
+    `own`: yaw rate and steer, None for a camera alone; Z11's bank never looks at them. Without a lane it coasts for `coast_s`, then all is NaN. Raises TypeError for a state of the other mode.
     """
     if isinstance(schedule, BankSchedule) and isinstance(state, BankState):
         return bank.step(state, schedule, lane, speed_mps)
     if isinstance(schedule, FilterSchedule) and isinstance(state, FilterState):
-        return filter.step(state, schedule, lane, speed_mps)
+        return filter.step(state, schedule, lane, speed_mps, own)
     raise TypeError(f"{type(state).__name__} is not the state of a {type(schedule).__name__}")
+
+
+def turn(state: State, schedule: Schedule, own: OwnReadings) -> Array:
+    """What the lane tracker may know before its next look, (n, 2): mean yaw rate of the step that leads to the
+    readings `own`, and its variance. `state` is that before the step. NaN without readings and in mode paper.
+    """
+    if isinstance(schedule, FilterSchedule) and isinstance(state, FilterState):
+        return filter.turn(state, schedule, own)
+    return np.full((len(own.yaw_rate_rps), 2), np.nan)
+
+
+def yaw_rate(state: State, motion: MotionEstimate, measured_rps: Array) -> Array:
+    """The best yaw rate (n,) for the radar: observed, else the gyroscope's, without its offset where known."""
+    offset = state.x[:, GYRO] if isinstance(state, FilterState) else 0.0
+    return np.where(np.isfinite(motion.yaw_rate_rps), motion.yaw_rate_rps, measured_rps - offset)

@@ -1,0 +1,75 @@
+"""Kernel of the vehicle's own sensors over the fleet."""
+
+import math
+from typing import Any, NamedTuple
+
+from sumo_net.compile import kernel
+from sumo_net.randomness import normal
+
+_DRAWS = 8  # counters of the noise that a reading takes, some of them spare
+_STEP_S = 0.1
+
+
+class SensorNumbers(NamedTuple):
+    """EgoSensors as kernels take it."""
+
+    yaw_rate_noise: float
+    yaw_rate_resolution: float
+    yaw_rate_walk: float  # per step
+    ratio: float
+    steering_noise: float
+    steering_resolution: float
+    steering_walk: float  # per step
+    speed_noise: float
+    speed_resolution: float
+    acceleration_noise: float
+    acceleration_resolution: float
+
+
+def numbers(sensors: Any) -> SensorNumbers:
+    """The kernel's view of EgoSensors."""
+    c, root = sensors, math.sqrt(_STEP_S)
+    return SensorNumbers(
+        c.yaw_rate_noise_rps,
+        c.yaw_rate_resolution_rps,
+        c.yaw_rate_walk_rps * root,
+        c.steering_ratio,
+        c.steering_noise_rad,
+        c.steering_resolution_rad,
+        c.steering_walk_rad * root,
+        c.speed_noise_mps,
+        c.speed_resolution_mps,
+        c.acceleration_noise_mps2,
+        c.acceleration_resolution_mps2,
+    )
+
+
+@kernel
+def rounded(value, resolution):  # type: ignore[no-untyped-def]
+    """`value` to the nearest step of the sensor."""
+    if resolution <= 0.0:
+        return value
+    return resolution * math.floor(value / resolution + 0.5)
+
+
+@kernel
+def read(c, state, speed, acceleration, yaw_rate, steer, out):  # type: ignore[no-untyped-def]
+    """One reading of n vehicles into `out` (Readings); `state` (SensorState) is the caller's own."""
+    for i in range(speed.size):
+        key, at = state.key[i], _DRAWS * state.count[i]
+        state.count[i] += 1
+        state.yaw_rate_offset_rps[i] += c.yaw_rate_walk * normal(key, at)
+        state.steering_offset_rad[i] += c.steering_walk * normal(key, at + 1)
+        turning = yaw_rate[i] + state.yaw_rate_offset_rps[i] + c.yaw_rate_noise * normal(key, at + 2)
+        out.yaw_rate_rps[i] = rounded(turning, c.yaw_rate_resolution)
+        wheel = c.ratio * state.steering_scale[i] * steer[i] + state.steering_offset_rad[i]
+        wheel += c.steering_noise * normal(key, at + 3)
+        out.steering_wheel_rad[i] = rounded(wheel, c.steering_resolution)
+        rolling = 0.0
+        if speed[i] > 0.0:  # wheels that stand are seen to stand
+            rolling = max(0.0, state.speed_scale[i] * speed[i] + c.speed_noise * normal(key, at + 4))
+        out.speed_mps[i] = rounded(rolling, c.speed_resolution)
+        pushed = (
+            acceleration[i] + state.acceleration_offset_mps2[i] + c.acceleration_noise * normal(key, at + 5)
+        )
+        out.acceleration_mps2[i] = rounded(pushed, c.acceleration_resolution)

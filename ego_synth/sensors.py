@@ -1,0 +1,137 @@
+"""The vehicle's own sensors of a fleet: yaw rate, steering-wheel angle, wheel speed, acceleration.
+
+Every car with stability control has them on its bus. Each reads truth times its scale plus its offset plus
+noise, rounded to its resolution; scale and offset belong to the vehicle, the offsets of yaw rate and steering
+wander. Noise and resolution are those of a recorded production car where that has the signal, see
+docs/ego_sensors.md; lags within the 0.1 s of a step are left out.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from ego_synth import sensor_kernels
+from sumo_net.randomness import generator, stream_key
+from sumo_net.settings import settings
+
+Array = np.ndarray[Any, Any]
+
+_STREAM = "ego sensors"
+
+
+@settings
+class EgoSensors:
+    """What the sensors are like. Noise and spreads between vehicles are standard deviations."""
+
+    used: bool = Field(
+        True,
+        description="false: the observer has the camera alone, speed, acceleration and the radar's yaw rate "
+        "are without error",
+    )
+    yaw_rate_noise_rps: float = Field(1e-3, ge=0, le=0.1, description="gyroscope: noise of a reading")
+    yaw_rate_resolution_rps: float = Field(1.2e-3, ge=0, le=0.1, description="gyroscope: step, 0 for none")
+    yaw_rate_offset_rps: float = Field(2e-3, ge=0, le=0.1, description="gyroscope: offset between vehicles")
+    yaw_rate_walk_rps: float = Field(2e-5, ge=0, le=0.01, description="gyroscope: its offset wanders, per √s")
+
+    steering_ratio: float = Field(16.0, gt=1, le=40, description="steering wheel over front wheels")
+    steering_noise_rad: float = Field(
+        math.radians(0.03), ge=0, le=0.5, description="steering wheel: noise of a reading"
+    )
+    steering_resolution_rad: float = Field(
+        math.radians(0.1), ge=0, le=0.5, description="steering wheel: step, 0 for none"
+    )
+    steering_offset_rad: float = Field(
+        math.radians(1.0),
+        ge=0,
+        le=0.5,
+        description="steering wheel: offset (wheel alignment) between vehicles",
+    )
+    steering_walk_rad: float = Field(
+        math.radians(0.01), ge=0, le=0.1, description="steering wheel: its offset wanders, per √s"
+    )
+    steering_scale: float = Field(0.01, ge=0, le=0.2, description="steering: share that the ratio errs by")
+
+    speed_noise_mps: float = Field(0.02, ge=0, le=2, description="wheel speed: noise of a reading")
+    speed_resolution_mps: float = Field(0.01, ge=0, le=1, description="wheel speed: step, 0 for none")
+    speed_scale: float = Field(
+        0.005,
+        ge=0,
+        le=0.1,
+        description="wheel speed: share that it errs by (tyre's radius), between vehicles",
+    )
+
+    acceleration_noise_mps2: float = Field(0.05, ge=0, le=5, description="forward: noise of a reading")
+    acceleration_resolution_mps2: float = Field(0.02, ge=0, le=1, description="forward: step, 0 for none")
+    acceleration_offset_mps2: float = Field(
+        0.1, ge=0, le=2, description="forward: offset (slope of the road, mounting) between vehicles"
+    )
+
+
+class SensorState(NamedTuple):
+    """What n vehicles' sensors carry from step to step, (n,) each."""
+
+    key: Array  # uint64
+    count: Array  # int64, number of the reading
+    yaw_rate_offset_rps: Array
+    steering_offset_rad: Array
+    steering_scale: Array  # 1 for none
+    speed_scale: Array  # 1 for none
+    acceleration_offset_mps2: Array
+
+
+class Readings(NamedTuple):
+    """What the sensors say now, (n,) each; left positive."""
+
+    speed_mps: Array
+    acceleration_mps2: Array
+    yaw_rate_rps: Array
+    steering_wheel_rad: Array
+
+
+def init(sensors: EgoSensors, seed: int, vehicle_ids: Sequence[str]) -> SensorState:
+    """The sensors of n vehicles before their first reading, each drawn from (seed, vehicle id) alone."""
+    c = sensors
+    spread = np.array(
+        [
+            c.yaw_rate_offset_rps,
+            c.steering_offset_rad,
+            c.steering_scale,
+            c.speed_scale,
+            c.acceleration_offset_mps2,
+        ]
+    )
+    n = len(vehicle_ids)
+    drawn = np.empty((n, len(spread)))
+    for i, name in enumerate(vehicle_ids):
+        drawn[i] = spread * generator(seed, name, _STREAM).standard_normal(len(spread))
+    yaw_rate, steering, ratio, speed, acceleration = np.ascontiguousarray(drawn.T)
+    keys = np.array([stream_key(seed, name, f"{_STREAM} noise") for name in vehicle_ids], np.uint64)
+    return SensorState(
+        keys, np.zeros(n, np.int64), yaw_rate, steering, 1.0 + ratio, 1.0 + speed, acceleration
+    )
+
+
+def read(
+    sensors: EgoSensors,
+    state: SensorState,
+    speed_mps: Array,
+    acceleration_mps2: Array,
+    yaw_rate_rps: Array,
+    steer_rad: Array,
+) -> tuple[SensorState, Readings]:
+    """One reading of n vehicles, of their true speed, acceleration, yaw rate and front-wheel angle, (n,) each.
+
+    Without `used` speed, acceleration and yaw rate are the truth and the steering wheel is NaN.
+    """
+    n = len(speed_mps)
+    if not sensors.used:
+        return state, Readings(speed_mps, acceleration_mps2, yaw_rate_rps, np.full(n, np.nan))
+    new = SensorState(*(part.copy() for part in state))
+    out = Readings(*(np.empty(n) for _ in Readings._fields))
+    sensor_kernels.read(
+        sensor_kernels.numbers(sensors), new, speed_mps, acceleration_mps2, yaw_rate_rps, steer_rad, out
+    )
+    return new, out
