@@ -32,6 +32,7 @@ from sumo_net.lane_changes import LaneChanges
 from sumo_net.network import BuiltNetwork
 from sumo_net.road import RoadAhead, RoadNetwork
 from sumo_net.road_kernels import ahead as road_ahead
+from sumo_net.script_player import ScriptPlayer
 from sumo_net.settings import read_toml
 from sumo_net.surroundings import objects_around
 from sumo_net.traffic import Snapshot, Traffic
@@ -89,7 +90,9 @@ class DriverAssistance:
             self._roads = RoadNetwork.from_net_file(network or traffic.net_file)
         self._lane_changes = LaneChanges(self._roads.graph, traffic.lane_ids)
         self._incidents = IncidentMaker(configuration.incidents, traffic, seed)
-        self._ego = Ego(self._roads, traffic, seed, configuration.driver, configuration.vehicle)
+        offsets = {actor.id: actor.offset_m for actor in configuration.actors if actor.offset_m is not None}
+        self._ego = Ego(self._roads, traffic, seed, configuration.driver, configuration.vehicle, offsets)
+        self._script = ScriptPlayer(configuration.actors, configuration.script, traffic, self._ego)
         self._bend_speed = BendSpeed(configuration.driver, traffic)
         self._choice = EquipmentChoice(configuration.equipment, seed)
         self._equipped = np.zeros(256, np.bool_)  # by handle
@@ -192,6 +195,7 @@ class DriverAssistance:
         self._follow_fleet(truth.handle)
         if len(truth.handle):
             self._drive(snapshot, truth, spans)
+        self._script.step(snapshot)
         if self._steps % SETTLE_EVERY_STEPS == 0:
             self._scorer.settle(self._traffic.time_s)
             self._rear_end.settle(self._traffic.time_s)

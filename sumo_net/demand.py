@@ -4,6 +4,7 @@ On the built-in highway the road is filled from the first step: vehicles stand i
 entered before, at the spacing that the flow implies. Further ones enter at both ends at random times.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Self
 from xml.sax.saxutils import quoteattr
@@ -103,8 +104,13 @@ class Demand:
         return self
 
 
-def write_highway_demand(demand: Demand, built: BuiltNetwork, end_s: float, seed: int, path: Path) -> None:
-    """Write the route file for the built-in highway: both directions, from time 0 to `end_s`."""
+def write_highway_demand(
+    demand: Demand, built: BuiltNetwork, end_s: float, seed: int, path: Path, placed: Sequence[str] = ()
+) -> None:
+    """Write the route file for the built-in highway: both directions, from time 0 to `end_s`.
+
+    `placed`: further vehicles as they are to stand in the file, by time of departure.
+    """
     lines = _types(demand, built.highway.lanes)
     flows = [demand.flow_per_lane_vph, demand.backward_flow_per_lane_vph]
     for way, flow in zip(built.carriageways, flows, strict=True):
@@ -120,10 +126,12 @@ def write_highway_demand(demand: Demand, built: BuiltNetwork, end_s: float, seed
                 f' begin="0" end="{end_s:.1f}" period="exp({vph / 3600.0:.6f})"'
                 f' departLane="{lane}" departPos="base" departSpeed="desired"/>'
             )
-    _write(path, lines)
+    _write(path, [*lines, *placed])
 
 
-def write_network_demand(demand: Demand, net_file: Path, end_s: float, seed: int, path: Path) -> None:
+def write_network_demand(
+    demand: Demand, net_file: Path, end_s: float, seed: int, path: Path, placed: Sequence[str] = ()
+) -> None:
     """Write a route file for any network: from the edges where it begins to those where it ends.
 
     Raises SettingsError for a file that is no network, or has no lane for cars.
@@ -156,7 +164,7 @@ def write_network_demand(demand: Demand, net_file: Path, end_s: float, seed: int
                 f' to={quoteattr(sink.getID())} begin="0" end="{end_s:.1f}"'
                 f' period="exp({vph / 3600.0:.6f})" departLane="free" departSpeed="desired"/>'
             )
-    _write(path, lines)
+    _write(path, [*lines, *placed])
 
 
 def read_net(net_file: Path) -> Any:

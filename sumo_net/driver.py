@@ -138,6 +138,11 @@ class Mind(NamedTuple):
     change_elapsed_s: Array  # (n,) time since,
     change_duration_s: Array  # (n,) and duration
     signal: Array  # (n,) int8 turn signal, +1 left
+    veer_from_m: Array  # (n,) a commanded veering: the line left,
+    veer_rate_mps: Array  # (n,)   its rate, left positive,
+    veer_ramp_s: Array  # (n,)     the time in which that is reached,
+    veer_elapsed_s: Array  # (n,)  time since the beginning
+    veer_left_s: Array  # (n,)     and to the end; 0: none
     steps: Array  # (n,) int64 counter of noise draws
     events: Array  # (n,) int64 counter of event draws
 
@@ -336,6 +341,11 @@ def attentive(traits: Traits) -> Mind:
         change_elapsed_s=np.ones(n),
         change_duration_s=np.ones(n),
         signal=np.zeros(n, np.int8),
+        veer_from_m=zeros(),
+        veer_rate_mps=zeros(),
+        veer_ramp_s=np.ones(n),
+        veer_elapsed_s=zeros(),
+        veer_left_s=zeros(),
         steps=np.zeros(n, np.int64),
         events=np.zeros(n, np.int64),
     )

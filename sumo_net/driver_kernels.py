@@ -33,8 +33,24 @@ def profile(start, rate, rate2, target, elapsed, duration):  # type: ignore[no-u
 
 
 @kernel
+def veer(start, rate, ramp, elapsed):  # type: ignore[no-untyped-def]
+    """Position, velocity, acceleration of a line that leaves `start` and after `ramp` s drifts at `rate`."""
+    t = max(elapsed, 0.0)
+    if t >= ramp:
+        return start + rate * (t - 0.5 * ramp), rate, 0.0
+    u = t / ramp
+    return (
+        start + rate * ramp * u**3 * (1.0 - 0.5 * u),
+        rate * u * u * (3.0 - 2.0 * u),
+        6.0 * rate * u * (1.0 - u) / ramp,
+    )
+
+
+@kernel
 def reference(mind, traits, i):  # type: ignore[no-untyped-def]
-    """The line that the driver wants now: position and two derivatives."""
+    """The line that the driver wants now (or, commanded to veer off, follows): position, two derivatives."""
+    if mind.veer_left_s[i] > 0.0:
+        return veer(mind.veer_from_m[i], mind.veer_rate_mps[i], mind.veer_ramp_s[i], mind.veer_elapsed_s[i])
     return profile(
         mind.change_from_m[i],
         mind.change_rate_mps[i],
@@ -75,6 +91,10 @@ def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-d
     (two fits of a road differ by centimetres).
     """
     y, dy, ddy = reference(mind, traits, i)
+    if mind.veer_left_s[i] > 0.0 and not deliberate:
+        mind.veer_from_m[i] += shift
+        return
+    mind.veer_left_s[i] = 0.0
     mind.change_from_m[i] = y + shift
     mind.change_rate_mps[i] = dy
     mind.change_rate2_mps2[i] = ddy
@@ -98,6 +118,17 @@ def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-d
 
 
 @kernel
+def lead_back(mind, traits, i):  # type: ignore[no-untyped-def]
+    """The driver who has veered off steers back to the own line, as smoothly as in a lane change."""
+    y, dy, ddy = reference(mind, traits, i)
+    mind.veer_left_s[i] = 0.0
+    mind.change_from_m[i], mind.change_rate_mps[i], mind.change_rate2_mps2[i] = y, dy, ddy
+    mind.change_elapsed_s[i] = 0.0
+    mind.change_duration_s[i] = traits.change_s[i]
+    mind.recovery_left_s[i] = RECOVERY_S
+
+
+@kernel
 def restart(mind, traits, i):  # type: ignore[no-untyped-def]
     """The driver is on the line and attentive; what lies ahead (waiting times, counters) stays."""
     mind.noise[i] = 0.0
@@ -111,6 +142,7 @@ def restart(mind, traits, i):  # type: ignore[no-untyped-def]
     mind.change_rate2_mps2[i] = 0.0
     mind.change_elapsed_s[i] = 1.0
     mind.change_duration_s[i] = 1.0
+    mind.veer_left_s[i] = 0.0
 
 
 @kernel
@@ -125,6 +157,15 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
         rate = c.microsleep_rate if traits.sleepy[i] else 0.0
         mind.until_microsleep_s[i] = draw_waiting(mind, traits, i, rate)
 
+    veering = mind.veer_left_s[i] > 0.0
+    if veering:
+        if alerted:
+            mind.veer_left_s[i] = min(mind.veer_left_s[i], traits.reaction_s[i])
+        mind.veer_left_s[i] -= STEP_S
+        if mind.veer_left_s[i] <= 1e-9:
+            mind.veer_left_s[i] = STEP_S  # so that `reference` still speaks of the veering
+            lead_back(mind, traits, i)
+            veering = False
     changing = mind.change_elapsed_s[i] < mind.change_duration_s[i]
     if mind.cause[i] >= 3 and not changing:
         mind.cause[i] = 0
@@ -146,13 +187,13 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
             mind.noise[i] = 0.0
     elif mind.recovery_left_s[i] > 0.0:
         mind.recovery_left_s[i] -= STEP_S
-        line, _, _ = reference(mind, traits, i)
-        if mind.recovery_left_s[i] <= 0.0 or abs(d - line) < RECOVERED_M:
+        # a profile that leads back begins where the vehicle is: only the line it leads to counts
+        if mind.recovery_left_s[i] <= 0.0 or abs(d - traits.offset_m[i]) < RECOVERED_M:
             mind.recovery_left_s[i] = 0.0
             if mind.cause[i] < 3:
                 mind.cause[i] = 0
 
-    if mind.episode_left_s[i] == 0.0 and mind.cause[i] == 0 and not changing and calm:
+    if mind.episode_left_s[i] == 0.0 and mind.cause[i] == 0 and not (changing or veering) and calm:
         length = 0.0
         if mind.until_microsleep_s[i] <= 0.0:
             mind.until_microsleep_s[i] = draw_waiting(mind, traits, i, c.microsleep_rate)

@@ -8,13 +8,14 @@ All vehicles have the one `Vehicle`'s dynamics, trucks and motorcycles too; only
 wheels follows SUMO's width.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from sumo_net.batch import join, select
-from sumo_net.driver import Driver, Traits, attentive, numbers, traits
+from sumo_net.driver import DISTRACTION, Driver, Traits, attentive, numbers, traits
+from sumo_net.driver_kernels import reference
 from sumo_net.ego_kernels import advance
 from sumo_net.ego_road_kernels import drive_over, front_laterals, onto_paths, place, see
 from sumo_net.vehicle import Vehicle, model
@@ -102,11 +103,16 @@ class Ego:
         seed: int,
         driver: Driver | None = None,
         vehicle: Vehicle | None = None,
+        offsets_m: Mapping[str, float] | None = None,
     ) -> None:
-        """`roads` is a RoadNetwork; `seed` with the vehicle's id fixes all of a driver's randomness."""
+        """`roads` is a RoadNetwork; `seed` with the vehicle's id fixes all of a driver's randomness.
+
+        `offsets_m`: lines of drivers by their vehicles' ids, where they are not to be drawn.
+        """
         self._roads = roads
         self._fleet = fleet
         self._seed = seed
+        self._offsets_m = dict(offsets_m or {})
         self._driver = driver or Driver()
         self._vehicle = vehicle or Vehicle()
         self._numbers = numbers(self._driver, self._vehicle)
@@ -157,13 +163,51 @@ class Ego:
         """Half the distance (n,) between the outer edges of the front wheels, in truth's order."""
         return self._traits.half_span_m
 
+    def veer(self, handle: int, rate_mps: float, ramp_s: float, for_s: float) -> None:
+        """From the next step on the driver, whose mind is elsewhere, drifts off: left positive, for `for_s`.
+
+        The drift grows smoothly to its rate within `ramp_s`; at the end the driver steers back. Raises
+        KeyError for a vehicle that is not equipped.
+        """
+        i, mind = self._row(handle), self._mind
+        mind.veer_from_m[i] = reference(mind, self._traits, i)[0]
+        mind.veer_rate_mps[i], mind.veer_ramp_s[i] = rate_mps, ramp_s
+        mind.veer_elapsed_s[i], mind.veer_left_s[i] = 0.0, for_s
+        mind.cause[i], mind.signal[i] = DISTRACTION, 0
+
+    def next_change(self, handle: int, signal: bool, over_s: float | None) -> None:
+        """How the driver makes lane changes from now on: with the turn signal or without, within `over_s`.
+
+        Raises KeyError for a vehicle that is not equipped.
+        """
+        i = self._row(handle)
+        self._traits.signal_probability[i] = 1.0 if signal else 0.0
+        if over_s is not None:
+            self._traits.change_s[i] = over_s
+
+    def drives(self, handle: int) -> bool:
+        """Whether a vehicle is one of the equipped that are on the road."""
+        return bool(np.isin(handle, self._motion.handle))
+
+    def _row(self, handle: int) -> int:
+        i = int(np.searchsorted(self._motion.handle, handle))
+        if i == len(self._motion.handle) or self._motion.handle[i] != handle:
+            raise KeyError(handle)
+        return i
+
     def _path_of(self, handle: int, lane: int, came_from: int) -> int:
         names = self._fleet.lane_ids
         route = self._fleet.route_ahead(handle)
         return int(self._roads.path(names[lane], route, names[came_from] if came_from >= 0 else ""))
 
     def _draw(self, ids: Sequence[str], width_m: Array) -> Traits:
-        return traits(self._driver, self._vehicle, self._seed, ids, width_m)
+        drawn = traits(self._driver, self._vehicle, self._seed, ids, width_m)
+        if self._offsets_m:
+            own = [
+                self._offsets_m.get(name, offset) for name, offset in zip(ids, drawn.offset_m, strict=True)
+            ]
+            drawn = drawn._replace(offset_m=np.array(own, dtype=float))
+        return drawn
 
     def _follow_fleet(self, now: Any) -> None:
         # Ordered by handle, like the snapshot; most steps change nothing.

@@ -6,7 +6,7 @@ Road frame: d left of the path, e = heading minus the path's heading; ḋ = v si
 import math
 
 from sumo_net.compile import kernel
-from sumo_net.driver_kernels import STEP_S, at_speed, attend, correction, profile, tightness, unrest
+from sumo_net.driver_kernels import STEP_S, at_speed, attend, correction, profile, tightness, unrest, veer
 from sumo_net.vehicle import derivatives
 
 SUBSTEPS = 10
@@ -156,6 +156,10 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
             mind.change_from_m[i], mind.change_rate_mps[i], mind.change_rate2_mps2[i],
         )  # fmt: skip
 
+        veering = mind.veer_left_s[i] > 0.0
+        veer_from, veer_rate = mind.veer_from_m[i], mind.veer_rate_mps[i]
+        veer_ramp, veer_elapsed = mind.veer_ramp_s[i], mind.veer_elapsed_s[i]
+
         harder = 1.0 + c.tight_gain * tight
         bandwidth, correction_most = c.bandwidth * harder, c.correction_most * harder
         damping, friction_most, steer_most, slow = c.damping, c.acceleration_most, c.steer_most, c.slow
@@ -175,7 +179,10 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
                 sine, cosine = sine_cosine(x[1])
                 drift = v_scale * (sine + x[2] * cosine / max(v, 1.0))
                 line, line_rate, line_rate2 = target, 0.0, 0.0
-                if elapsed < duration:
+                if veering:
+                    line, line_rate, _ = veer(veer_from, veer_rate, veer_ramp, veer_elapsed)
+                    _, _, line_rate2 = veer(veer_from, veer_rate, veer_ramp, veer_elapsed + preview)
+                elif elapsed < duration:
                     line, line_rate, _ = profile(start, start_rate, start_rate2, target, elapsed, duration)
                     _, _, line_rate2 = profile(
                         start, start_rate, start_rate2, target, elapsed + preview, duration
@@ -199,8 +206,10 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
             )
             steer += move
             elapsed += h * min(1.0, v * per_slow)
+            veer_elapsed += h
 
         mind.change_elapsed_s[i] = elapsed
+        mind.veer_elapsed_s[i] = veer_elapsed
         bend = max(abs(k_old), abs(k_new), abs(look_old), abs(look_new))
         guide = _GUIDE_PER_STEP * min(max((bend * v_mean * v_mean - GUIDED_FROM_MPS2) / 4.0, 0.0), 1.0)
         if guide > 0.0:

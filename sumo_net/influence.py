@@ -7,6 +7,10 @@ from sumo_net.traffic import Traffic
 
 _ONLY_AS_TOLD = 256  # SUMO's lane-change mode: no changes of its own; asked for one, it only avoids a crash
 _TOLD_FOR_S = 2.0
+_NO_CHANGES = 0  # SUMO's lane-change mode: none of its own; one that is asked for is made whoever is there
+_OWN_CHANGES = 1621  # SUMO's default
+_NO_CHECKS = 32  # SUMO's speed mode: a speed that is told is driven, whatever is ahead
+_OWN_SPEED = 31  # SUMO's default
 
 
 class Influence:
@@ -62,6 +66,39 @@ class Influence:
         """Give the driver his own lane changes back."""
         with contextlib.suppress(*self._gone):
             self._vehicle.setLaneChangeMode(self._name(handle), mode)
+
+    def find(self, vehicle_id: str) -> int | None:
+        """The handle of a vehicle that has been seen and has not arrived."""
+        return self._known(vehicle_id)
+
+    def hold_speed(self, handle: int, speed_mps: float) -> None:
+        """Drive exactly so from the next step on."""
+        with contextlib.suppress(*self._gone):
+            self._vehicle.setSpeedMode(self._name(handle), _NO_CHECKS)
+            self._vehicle.setSpeed(self._name(handle), speed_mps)
+
+    def keep_lane(self, handle: int) -> None:
+        """Change lanes only when told to."""
+        with contextlib.suppress(*self._gone):
+            self._vehicle.setLaneChangeMode(self._name(handle), _NO_CHANGES)
+
+    def wish(self, handle: int, speed_mps: float) -> None:
+        """Drive as others do, but no faster than this."""
+        with contextlib.suppress(*self._gone):
+            self._vehicle.setMaxSpeed(self._name(handle), max(speed_mps, 0.1))
+
+    def free(self, handle: int) -> None:
+        """Drive as others do again."""
+        with contextlib.suppress(*self._gone):
+            self._vehicle.setSpeedMode(self._name(handle), _OWN_SPEED)
+            self._vehicle.setSpeed(self._name(handle), -1.0)
+            self._vehicle.setLaneChangeMode(self._name(handle), _OWN_CHANGES)
+
+    def change_lane(self, handle: int, side: int) -> None:
+        """Change lanes in the next step to the left (+1) or right (-1), whoever is there, and stay."""
+        with contextlib.suppress(*self._gone):
+            self.keep_lane(handle)
+            self._vehicle.changeLaneRelative(self._name(handle), side, _TOLD_FOR_S)
 
     def _name(self, handle: int) -> str:
         return self._traffic.vehicle_id(handle)

@@ -12,12 +12,14 @@ from typing import Any, Self
 import pydantic
 from pydantic import Field
 
+from sumo_net.actors import actor_lines
 from sumo_net.configuration import prepare_configuration
 from sumo_net.demand import Demand, read_net, write_highway_demand, write_network_demand
 from sumo_net.equipment import Equipment
 from sumo_net.highway import Highway
 from sumo_net.incidents import Incidents
 from sumo_net.network import BuildError, BuiltNetwork, build
+from sumo_net.script import Actor, Manoeuvre, check_script
 from sumo_net.settings import SettingsError, read, read_json, read_toml, settings
 
 DEFAULT_SCENARIO = "highway"
@@ -41,6 +43,8 @@ class Scenario:
         default_factory=Incidents, description="hard brakings and cut-ins in the traffic"
     )
     equipment: Equipment = Field(default_factory=Equipment)
+    actors: tuple[Actor, ...] = Field((), description="vehicles that are placed, a table each")
+    script: tuple[Manoeuvre, ...] = Field((), description="what they are told, a table each")
     time_to_teleport_s: float | None = Field(
         None, description="SUMO takes a jammed vehicle away after this; -1 never; none: as SUMO has it"
     )
@@ -51,6 +55,15 @@ class Scenario:
             raise ValueError(
                 f"configuration = '{self.configuration}' and net_file = '{self.net_file}': name only one"
             )
+        return self
+
+    @pydantic.model_validator(mode="after")
+    def _script_fits(self) -> Self:
+        if self.configuration and self.actors:
+            raise ValueError("actors: a configuration's vehicles are in its own route files")
+        check_script(self.actors, self.script, others=bool(self.configuration))
+        if any(actor.equipped for actor in self.actors) and not self.equipment.types_may_ask:
+            raise ValueError("equipment.types_may_ask = false: equipped actors need it to be true")
         return self
 
 
@@ -172,12 +185,13 @@ def prepare(scenario: Scenario, directory: Path, seed: int | None = None) -> Pre
     network = _road(scenario, directory)
     end = (warm_up + recorded) / 10
     routes = directory / "demand.rou.xml"
+    placed = actor_lines(scenario.actors, network, warm_up / 10)
     if isinstance(network, BuiltNetwork):
-        write_highway_demand(scenario.demand, network, end, seed, routes)
+        write_highway_demand(scenario.demand, network, end, seed, routes, placed)
         options |= {"net-file": str(network.net_file), "collision.action": "warn"}
         options.setdefault("time-to-teleport", "-1")
     else:
-        write_network_demand(scenario.demand, network, end, seed, routes)
+        write_network_demand(scenario.demand, network, end, seed, routes, placed)
         options["net-file"] = str(network)
     options |= {"route-files": str(routes), "begin": "0", "end": f"{end:.1f}", "max-depart-delay": "10"}
     arguments = tuple(word for name, value in options.items() for word in (f"--{name}", value))
