@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from analysis.commands import campaigns, drives, recordings, simulation, studies
+from analysis.commands import campaigns, drives, protocols, recordings, simulation, studies
 from analysis.commands.common import errors
 
 app = typer.Typer(
@@ -53,6 +53,7 @@ app.command()(recordings.detect)
 app.command()(recordings.calibrate)
 app.command()(recordings.track)
 app.command()(studies.reproduce)
+app.command(short_help="Drive a test protocol of the industry; status 0 when it passes.")(protocols.protocol)
 app.command(short_help="Measure accuracy over many seeds against the stated targets.")(studies.evaluate)
 
 

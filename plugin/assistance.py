@@ -188,13 +188,13 @@ class DriverAssistance:
         if len(truth.handle):
             self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
             self._bend_speed.step(truth, self._roads.table)
-            snapshot = self._lane_changes.step(snapshot, equipped)
+            sensed = self._lane_changes.step(snapshot, equipped)
             if self._capture is not None and self._watch is not None and self._watch.alone:
                 seen = self._capture.watched(truth.handle)
                 truth, spans = select(truth, seen), spans[seen]
         self._follow_fleet(truth.handle)
         if len(truth.handle):
-            self._drive(snapshot, truth, spans)
+            self._drive(sensed, truth, spans)
         self._script.step(snapshot)
         if self._steps % SETTLE_EVERY_STEPS == 0:
             self._scorer.settle(self._traffic.time_s)

@@ -15,7 +15,7 @@ import numpy as np
 
 from sumo_net.batch import join, select
 from sumo_net.driver import DISTRACTION, Driver, Traits, attentive, numbers, traits
-from sumo_net.driver_kernels import reference
+from sumo_net.driver_kernels import at_speed, reference
 from sumo_net.ego_kernels import advance
 from sumo_net.ego_road_kernels import drive_over, front_laterals, onto_paths, place, see
 from sumo_net.vehicle import Vehicle, model
@@ -172,7 +172,9 @@ class Ego:
         i, mind = self._row(handle), self._mind
         mind.veer_from_m[i] = reference(mind, self._traits, i)[0]
         mind.veer_rate_mps[i], mind.veer_ramp_s[i] = rate_mps, ramp_s
-        mind.veer_elapsed_s[i], mind.veer_left_s[i] = 0.0, for_s
+        # steering takes `preview` to act: the line waits for it, or the drift would overshoot later
+        preview = at_speed(self._numbers.preview, self._motion.along_mps[i])
+        mind.veer_elapsed_s[i], mind.veer_left_s[i] = -preview, for_s + preview
         mind.cause[i], mind.signal[i] = DISTRACTION, 0
 
     def next_change(self, handle: int, signal: bool, over_s: float | None) -> None:

@@ -1,7 +1,7 @@
 """Scripted traffic: who is placed where, and what each does when.
 
-`[[actors]]` are vehicles that a scenario places itself, `[[script]]` says what they are told. Times are seconds
-from the beginning of what is recorded. What is told here is held: the vehicle does it whatever is in its way.
+`[[actors]]` are vehicles that a scenario places itself, `[[script]]` says what they are told. Times are
+seconds from the beginning of what is recorded. What is told here is held, whatever is in the way.
 """
 
 from collections.abc import Sequence
@@ -67,8 +67,8 @@ class Manoeuvre:
     who: str = Field(min_length=1, description="an actor, or any vehicle of a configuration by its SUMO id")
     at_s: float = Field(ge=0, description="when")
     do: Literal["speed", "free", "veer", "change_lane"] = Field(
-        description="speed: go over to speed_mps at rate_mps2 and hold it; free: drive as others do from now on; "
-        "veer: drift off at drift_mps for for_s, then steer back; change_lane: to the side, at once"
+        description="speed: go over to speed_mps at rate_mps2 and hold it; free: drive as others do from "
+        "now on; veer: drift off at drift_mps for for_s, then steer back; change_lane: to the side, at once"
     )
     speed_mps: float | None = Field(None, ge=0, le=60, description="of `speed`")
     rate_mps2: float | None = Field(None, gt=0, le=12, description="of `speed`, up or down; none: 3")
@@ -90,9 +90,8 @@ class Manoeuvre:
         every = {name for names in _ALLOWED.values() for name in names}
         for name in sorted(every - set(_ALLOWED[self.do])):
             if getattr(self, name) is not None:
-                raise ValueError(
-                    f"{where}: do = '{self.do}' has no {name}, only {', '.join(_ALLOWED[self.do]) or 'nothing'}"
-                )
+                allowed = ", ".join(_ALLOWED[self.do]) or "nothing"
+                raise ValueError(f"{where}: do = '{self.do}' has no {name}, only {allowed}")
         return self
 
 

@@ -115,16 +115,15 @@ class ScriptPlayer:
             driven = float(snapshot.speed_mps[row[handle]])
             if abs(driven - held.told) > _SLACK_MPS:
                 raise ScriptError(
-                    f"'{self._traffic.vehicle_id(handle)}' drives {driven:.2f} m/s at {now_s:.1f} s, told were"
-                    f" {held.told:.2f} m/s"
+                    f"'{self._traffic.vehicle_id(handle)}' drives {driven:.2f} m/s at {now_s:.1f} s,"
+                    f" told were {held.told:.2f} m/s"
                 )
         for handle, (lane, left) in list(self._changing.items()):
             if handle not in row or snapshot.lane[row[handle]] != lane:
                 del self._changing[handle]
             elif left == 0:
-                raise ScriptError(
-                    f"'{self._traffic.vehicle_id(handle)}' has not changed lanes by {now_s:.1f} s: is there one?"
-                )
+                name = self._traffic.vehicle_id(handle)
+                raise ScriptError(f"'{name}' has not changed lanes by {now_s:.1f} s: is there one?")
             else:
                 self._changing[handle] = lane, left - 1
 

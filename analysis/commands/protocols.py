@@ -1,0 +1,91 @@
+"""Command `protocol`: the industry's tests."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from analysis.commands.common import Mode, Out, errors, plain_errors
+from plugin.warning.safe_distance import MODELS
+
+ALL = "all"
+
+
+def protocol(
+    name: Annotated[
+        str, typer.Argument(help="nhtsa-ldw, nhtsa-fcw, iso-17361, iso-15623-like, all, or FILE.toml.")
+    ],
+    out: Out = Path("out/protocol"),
+    mode: Annotated[
+        Mode, typer.Option(help="The published chain as it is, or the default one.")
+    ] = Mode.REFINED,
+    distance_model: Annotated[
+        str | None,
+        typer.Option("--distance-model", metavar="M", help=f"Of the rear-end warning: {', '.join(MODELS)}."),
+    ] = None,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Also in paper mode, and with each safe-distance model.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, metavar="N")] = 1,
+    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Runs at once.")] = 2,
+) -> None:
+    """Drive a test protocol and write its tables; exit status 0 only when it passes.
+
+    With --compare only the default configuration decides on the status.
+    """
+    from analysis.protocol import report
+    from analysis.protocol.definition import load, protocols
+
+    console = Console(highlight=False, width=None if Console().is_terminal else 140)
+    with plain_errors():
+        if distance_model is not None and distance_model not in MODELS:
+            raise ValueError(f"--distance-model = {distance_model}: known are {', '.join(MODELS)}")
+        chosen = {one: load(one) for one in (protocols() if name == ALL else [name])}
+        good, rows = True, []
+        for one, loaded in chosen.items():
+            label = Path(one).stem
+            runs: list[tuple[str, str | None]] = [(mode.value, distance_model)]
+            if compare:
+                models = [None, *MODELS] if loaded.collision else [None]
+                runs = [("refined", model) for model in models] + [("paper", None)]
+                runs = [run for run in runs if run != ("refined", _default_model())]
+            for number, (chain, model) in enumerate(runs):
+                outcome = _drive(
+                    loaded, f"{label} {chain} {model or ''}".strip(), chain, model, seed, workers
+                )
+                directory = out / f"{chain}_{model or 'default'}" if compare else out
+                report.write(outcome, label, directory)
+                if number == 0:
+                    good = good and outcome.passed
+                if not compare:
+                    report.show(outcome, label, console)
+                row = {"mode": chain, "distance model": model or f"{_default_model()} (default)"}
+                if not loaded.collision:
+                    row["distance model"] = ""
+                rows.append(row | report.comparison_row(label, outcome))
+        if compare:
+            console.print(report.comparison(rows))
+        console.print(f"Tables: {out}", markup=False)
+    if not good:
+        raise typer.Exit(1)
+
+
+def _default_model() -> str:
+    from plugin.warning.safe_distance import SafeDistance
+
+    return SafeDistance().model
+
+
+def _drive(protocol: Any, words: str, mode: str, model: str | None, seed: int, workers: int) -> Any:
+    from analysis.protocol.running import drive
+
+    changes = {} if model is None else {"collision": {"distance": {"model": model}}}
+    with Progress(transient=True, console=errors, disable=not errors.is_terminal) as progress:
+        task = progress.add_task(words, total=None)
+
+        def told(done: int, all_: int) -> None:
+            progress.update(task, completed=done, total=all_)
+
+        return drive(protocol, mode=mode, changes=changes, seed=seed, workers=workers, told=told)
