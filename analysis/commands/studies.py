@@ -1,6 +1,5 @@
 """Commands that measure: `reproduce`, `evaluate`."""
 
-import enum
 from pathlib import Path
 from typing import Annotated
 
@@ -9,24 +8,33 @@ import typer
 from analysis.commands.common import Out, plain_errors, told_where
 
 
-class Experiment(enum.StrEnum):
-    """Published experiments."""
-
-    IMM = "imm"
-    ADAPTIVE = "adaptive"
-
-
 def reproduce(
-    experiment: Annotated[Experiment, typer.Argument(help="Of the sources.", metavar="NAME")],
+    experiment: Annotated[
+        str, typer.Argument(help="An experiment of the sources, or all.", metavar="NAME", show_default=False)
+    ] = "",
     out: Out = Path("out/reproduce"),
+    listed: Annotated[bool, typer.Option("--list", help="Name the experiments and leave.")] = False,
 ) -> None:
-    """Run a published experiment, imm or adaptive: its table, curves and plot."""
-    import importlib
+    """Run a published experiment: published value beside measured value, curves and pictures."""
+    from analysis.published import comparison
+    from analysis.published.experiments import EXPERIMENTS, reproduce_all
+    from analysis.published.experiments import reproduce as run
 
     with plain_errors(), told_where(out):
-        table = importlib.import_module(f"analysis.published.{experiment.value}").reproduce(out)
-        typer.echo(table.to_string(index=False, float_format=lambda value: f"{value:.4g}"))
-        typer.echo(f"Tables and plot: {out}")
+        if listed:
+            width = max(map(len, EXPERIMENTS))
+            typer.echo("\n".join(f"{name:{width}}  {title}" for name, title in EXPERIMENTS.items()))
+            return
+        if not experiment:
+            raise ValueError(f"which experiment? Known are {', '.join(EXPERIMENTS)}, all")
+        if experiment != "all":
+            typer.echo(comparison.text(run(experiment, out)))
+            typer.echo(f"Tables and pictures: {out}")
+            return
+        for name, one in reproduce_all(out).groupby("experiment", sort=False):
+            typer.echo(f"\n{name}: {EXPERIMENTS[str(name)]}")
+            typer.echo(comparison.text(one.drop(columns="experiment")))
+        typer.echo(f"\nTables and pictures: {out}")
 
 
 def evaluate(

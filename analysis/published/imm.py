@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from analysis.published import comparison
 from plugin.tracking import imm
 from plugin.tracking.models import POLAR_H, PUBLISHED_MOTION, PolarMotion, RadarNoise, polar_models
 from sumo_net.randomness import generator
@@ -131,8 +132,27 @@ def phases(curve: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def compare(phase: pd.DataFrame) -> pd.DataFrame:
+    """RMSE beside the reference's (the source prints curves only); the IMM over the better of CV and CA."""
+    units = {"range_m": "m", "range_rate_mps": "m/s", "azimuth_deg": "°"}
+    rows = []
+    for one in phase.to_dict("records"):
+        for component in COMPONENTS:
+            name, unit = (
+                f"RMSE {component.rsplit('_', 1)[0].replace('_', ' ')}, {one['filter']}",
+                units[component],
+            )
+            reference = one[f"{component}_reference"]
+            rows.append(comparison.row(one["phase"], name, unit, one[component], reference, "checked"))
+    for one in phase[phase["filter"] == "imm"].to_dict("records"):
+        for component in COMPONENTS:
+            name = f"{component.rsplit('_', 1)[0].replace('_', ' ')}, imm over the better model"
+            rows.append(comparison.row(one["phase"], name, "", one[f"{component}_ratio"]))
+    return comparison.table(rows)
+
+
 def reproduce(out: Path, experiment: ImmExperiment | None = None) -> pd.DataFrame:
-    """Run it; write imm.csv (phases), imm_curves.csv and imm.png into `out`; give the table of phases."""
+    """Write imm.csv (phases), imm_curves.csv, imm.png and the comparison into `out`; give the comparison."""
     experiment = experiment or ImmExperiment()
     out.mkdir(parents=True, exist_ok=True)
     curve = curves(experiment)
@@ -140,7 +160,7 @@ def reproduce(out: Path, experiment: ImmExperiment | None = None) -> pd.DataFram
     table.to_csv(out / "imm.csv", index=False, float_format="%.4f")
     curve.to_csv(out / "imm_curves.csv", index=False, float_format="%.5f")
     _plot(out / "imm.png", curve, experiment)
-    return table
+    return comparison.write(out, "imm", compare(table))
 
 
 def _plot(path: Path, curve: pd.DataFrame, experiment: ImmExperiment) -> None:

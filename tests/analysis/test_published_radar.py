@@ -40,7 +40,8 @@ def test_imm_noise_is_as_told() -> None:
 
 def test_reproduce_imm_writes_table_curves_and_plot(tmp_path: Path) -> None:
     table = imm.reproduce(tmp_path, imm.ImmExperiment(runs=5))
-    assert len(table) == 6
+    assert len(table) == 6 * 3 + 2 * 3
+    assert list(pd.read_csv(tmp_path / "imm_comparison.csv")["run"]) == list(table["run"])
     assert len(pd.read_csv(tmp_path / "imm_curves.csv")) == 3 * 150
     assert (tmp_path / "imm.png").stat().st_size > 10_000
     assert list(pd.read_csv(tmp_path / "imm.csv")["filter"]) == ["cv", "ca", "imm"] * 2
@@ -95,6 +96,7 @@ def test_patent_form_loses_definiteness_and_is_told(adaptation: pd.DataFrame) ->
 
 def test_reproduce_adaptive_writes_table_curves_and_plot(tmp_path: Path) -> None:
     table = adaptive.reproduce(tmp_path, adaptive.AdaptiveExperiment(runs=5))
-    assert len(table) == len(adaptive.TOLD) * len(adaptive.FILTERS)
+    assert set(table["run"]) == {"R known", "R too small", "R too large", "R changing"}
+    assert len(pd.read_csv(tmp_path / "adaptive.csv")) == len(adaptive.TOLD) * len(adaptive.FILTERS)
     assert (tmp_path / "adaptive.png").stat().st_size > 10_000
     assert set(pd.read_csv(tmp_path / "adaptive_curves.csv")["case"]) == set(adaptive.TOLD)

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from manoeuvre import drive, looks, unseen
 
+from analysis.published import simulation
 from plugin.motion import bank
 from plugin.motion.bank import BankSettings
 from plugin.motion.bank_kernels import observe
 from sumo_net.batch import join, select
 from sumo_net.vehicle import Vehicle, preview_model, zero_order_hold
 
-HALF, FULL = Vehicle(), Vehicle(mass_kg=1460.0)
+HALF = Vehicle()
 PREVIEW_M = 33.5
 PRINTED = {
     80: np.array([[0.0, 0.0], [0.0, 0.0], [0.534, 2.722], [-0.442, 1.478]]),
@@ -89,44 +90,10 @@ def test_at_88_kmh_the_observers_weigh_02_and_08(schedule):
     assert [rows[-1].lateral_speed_mps[0], rows[-1].yaw_rate_rps[0]] == pytest.approx(blend[:2])
 
 
-def published_run(vehicle, steer, speed, duration_s=6.0):
-    """v_y, γ at 0.01 s by Runge-Kutta and (y_L, e_L) of eq. 20, which knows no limit of heading."""
-    truth = drive(vehicle, lambda *_: steer, speed, duration_s=duration_s, each=1)
-    y = e = 0.0
-    offsets, headings = [0.0], [0.0]
-    for k in range(len(truth.time_s) - 1):
-        mid = slice(k, k + 2)
-        v, v_y = truth.speed_mps[mid].mean(), truth.lateral_speed_mps[mid].mean()
-        yaw = truth.yaw_rate_rps[mid].mean()
-        e_next = e + 0.01 * (v * 0.001 - yaw)
-        y += 0.01 * (v * 0.5 * (e + e_next) - v_y - yaw * PREVIEW_M)
-        e = e_next
-        offsets.append(y)
-        headings.append(e)
-    every = slice(None, None, 10)
-    seen = [
-        look._replace(
-            preview_offset_m=np.array([offsets[10 * k]]),
-            preview_heading_rad=np.array([headings[10 * k]]),
-            curvature_1pm=np.array([0.001]),
-        )
-        for k, look in enumerate(looks(type(truth)(*(part[every] for part in truth))))
-    ]
-    return type(truth)(*(part[every] for part in truth)), seen
-
-
-RUNS = {
-    "half load, 0.1 rad, 88 km/h": (HALF, 0.1, lambda t: 88 / 3.6),
-    "half load, 0.01 rad, 60 to 80 km/h": (HALF, 0.01, lambda t: 60 / 3.6 + 0.2 * t),
-    "full load, 0.01 rad, 80 km/h": (FULL, 0.01, lambda t: 80 / 3.6),
-}
-
-
-@pytest.mark.parametrize("name", RUNS)
-def test_published_runs(name):
-    vehicle, steer, speed = RUNS[name]
-    truth, seen = published_run(vehicle, steer, speed, 27.0 if "60" in name else 6.0)
-    _, rows = run(bank.schedule(vehicle, PREVIEW_M, BankSettings()), truth, seen)
+@pytest.mark.parametrize("run_", simulation.RUNS, ids=lambda run_: run_.title)
+def test_published_runs(run_):
+    truth, seen = simulation.truth_of(run_)
+    _, rows = run(bank.schedule(run_.vehicle, PREVIEW_M, BankSettings()), truth, seen)
     late = truth.time_s >= 2.0
     yaw = column(rows, "yaw_rate_rps")[late, 0] / truth.yaw_rate_rps[late]
     lateral = column(rows, "lateral_speed_mps")[late, 0] / truth.lateral_speed_mps[late]
@@ -137,7 +104,7 @@ def test_published_runs(name):
 def test_full_load_seen_by_the_half_load_bank_keeps_the_yaw_rate_only():
     # The steer is taken out of the picture, so f cancels in the yaw rate; v_y follows the model's mass alone.
     # Z11 claims a static error under 10 % here; the corrected equations give 21 %.
-    truth, seen = published_run(FULL, 0.01, lambda t: 80 / 3.6)
+    truth, seen = simulation.truth_of(simulation.RUNS[2])
     _, rows = run(bank.schedule(HALF, PREVIEW_M, BankSettings()), truth, seen)
     assert rows[-1].yaw_rate_rps[0] == pytest.approx(truth.yaw_rate_rps[-1], rel=0.02)
     assert rows[-1].lateral_speed_mps[0] / truth.lateral_speed_mps[-1] == pytest.approx(0.79, abs=0.02)

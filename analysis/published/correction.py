@@ -1,0 +1,84 @@
+"""The steer's correction factor over speed (Zhang et al. 2011, section 2.2, eq. 13 and figure 13).
+
+f = δ_D / δ_k is the steer a car with slip needs, over that of a car without, for the same radius. The source
+prints f = 1 + 0.000843 v² for half load. Two ways to it are compared: eq. 13 from the vehicle's numbers, and
+the steady turn of the two-degree-of-freedom model itself, which knows nothing of eq. 13.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from analysis.published import comparison
+from sumo_net.vehicle import Vehicle, steady_state, steer_correction
+
+PRINTED_PER_MPS2 = 0.000843  # half load
+MASSES_KG = {"empty": 960.0, "half load": 1215.0, "full load": 1460.0}
+SPEEDS_KMH = (40.0, 60.0, 80.0, 88.0, 100.0, 120.0)
+_STEER_RAD = 0.01
+
+
+def curves() -> pd.DataFrame:
+    """f over speed, a row a load and km/h: by eq. 13, by the model's steady turn, and as printed."""
+    tables = []
+    for load, mass in MASSES_KG.items():
+        vehicle = Vehicle(mass_kg=mass)
+        kmh = np.arange(1.0, 151.0)
+        v = kmh / 3.6
+        yaw_rate = np.array([steady_state(vehicle, speed, _STEER_RAD)[1] for speed in v])
+        tables.append(
+            pd.DataFrame(
+                {
+                    "load": load,
+                    "speed_kmh": kmh,
+                    "factor": steer_correction(vehicle, v),
+                    "factor_of_steady_turn": _STEER_RAD * v / (vehicle.wheelbase_m * yaw_rate),
+                    "factor_printed": 1.0 + PRINTED_PER_MPS2 * v**2 if load == "half load" else np.nan,
+                }
+            )
+        )
+    return pd.concat(tables, ignore_index=True)
+
+
+def compare(curve: pd.DataFrame) -> pd.DataFrame:
+    """The printed coefficient, the printed curve at some speeds; the other loads are not printed."""
+    coefficient = float(steer_correction(Vehicle(), 1.0)) - 1.0
+    rows = [
+        comparison.row("half load", "coefficient of v²", "s²/m²", coefficient, PRINTED_PER_MPS2, "printed")
+    ]
+    of_half = curve[curve["load"] == "half load"].set_index("speed_kmh")
+    for kmh in SPEEDS_KMH:
+        f = of_half.loc[kmh]
+        name = f"f at {kmh:g} km/h"
+        rows.append(
+            comparison.row("half load", name, "", f["factor_of_steady_turn"], f["factor_printed"], "printed")
+        )
+    for load in ("empty", "full load"):
+        f = curve[(curve["load"] == load) & (curve["speed_kmh"] == 80.0)].iloc[0]
+        rows.append(comparison.row(load, "f at 80 km/h", "", f["factor_of_steady_turn"]))
+    return comparison.table(rows)
+
+
+def reproduce(out: Path) -> pd.DataFrame:
+    """Write correction_curves.csv, correction.png and the comparison into `out`; give the comparison."""
+    out.mkdir(parents=True, exist_ok=True)
+    curve = curves()
+    curve.to_csv(out / "correction_curves.csv", index=False, float_format="%.6f")
+    _plot(out / "correction.png", curve)
+    return comparison.write(out, "correction", compare(curve))
+
+
+def _plot(path: Path, curve: pd.DataFrame) -> None:
+    from matplotlib.figure import Figure  # slow to import, and needed only here
+
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
+    axes = figure.subplots()
+    for load, of_load in curve.groupby("load", sort=False):
+        axes.plot(of_load["speed_kmh"], of_load["factor_of_steady_turn"], label=str(load))
+    printed = curve.dropna(subset="factor_printed").iloc[9::10]
+    axes.plot(printed["speed_kmh"], printed["factor_printed"], "k+", label="printed, half load")
+    axes.set(xlabel="speed in km/h", ylabel="f = δ_D / δ_k", xlim=(0, 150))
+    axes.legend()
+    axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=120)

@@ -1,0 +1,40 @@
+"""All published experiments by name: what `sumo-adas reproduce` runs."""
+
+import importlib
+from pathlib import Path
+
+import pandas as pd
+
+EXPERIMENTS = {
+    "simulation": "Z11 4.1: observer against the simulated vehicle, three runs; steady turn and gains of 3.2",
+    "road": "Z11 4.2: three drives on a rendered road, place, motion and path 2 s ahead, both chains",
+    "recognition": "Z11 conclusion 1: lane recognised in good and in complex conditions, in traffic",
+    "search-times": "Z11 table 4: generations and time of the search a frame",
+    "correction": "Z11 eq. 13, figure 13: the steer's correction factor over speed",
+    "imm": "IMM source, section 4: CV, CA and IMM on 400 Monte-Carlo runs",
+    "adaptive": "CN104635233A: the adaptive filter, as published and in its safe form",
+}
+
+
+def reproduce(name: str, out: Path) -> pd.DataFrame:
+    """Run one experiment; its CSV files and pictures go into `out`. Gives the comparison, see `comparison`.
+
+    Raises ValueError for a name that is not in EXPERIMENTS.
+    """
+    if name not in EXPERIMENTS:
+        raise ValueError(f"experiment = {name!r}: known are {', '.join(EXPERIMENTS)}")
+    module = importlib.import_module(f"analysis.published.{name.replace('-', '_')}")
+    comparison: pd.DataFrame = module.reproduce(out)
+    return comparison
+
+
+def reproduce_all(out: Path, names: tuple[str, ...] = tuple(EXPERIMENTS)) -> pd.DataFrame:
+    """Run the named ones, each into a folder of its own below `out`; write and give `comparison.csv`."""
+    tables = []
+    for name in names:
+        one = reproduce(name, out / name)
+        one.insert(0, "experiment", name)
+        tables.append(one)
+        whole = pd.concat(tables, ignore_index=True)
+        whole.to_csv(out / "comparison.csv", index=False, float_format="%.6g")  # kept if the next one fails
+    return whole

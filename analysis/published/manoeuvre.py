@@ -1,0 +1,156 @@
+"""True drives: the single-track model on a road of given curvature, and what a camera would report of them.
+
+Integrated by classical Runge-Kutta in the road's own coordinates, from the forces at the axles; nothing of it
+comes from `sumo_net.vehicle`'s matrices or kernels, so that it is an independent truth for the estimators.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from plugin.lane.estimate import LaneEstimate
+from sumo_net.vehicle import Vehicle
+
+Array = np.ndarray[Any, Any]
+Steer = Callable[[float, Array, float], float]  # (t, state (v_y, γ, s, d, ψ), v) -> front steer in rad
+
+PREVIEW_M = 33.5
+
+
+class Drive(NamedTuple):
+    """One true drive, k rows in time, (k,) each."""
+
+    time_s: Array
+    speed_mps: Array
+    lateral_speed_mps: Array
+    yaw_rate_rps: Array
+    steer_rad: Array
+    station_m: Array
+    offset_m: Array
+    heading_rad: Array
+    curvature_1pm: Array
+    preview_curvature_1pm: Array
+    curvature_rate_1pm2: Array
+
+
+def drive(
+    vehicle: Vehicle,
+    steer: Steer,
+    speed: Callable[[float], float],
+    curvature: Callable[[float], float] = lambda s: 0.0,
+    duration_s: float = 10.0,
+    start: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0),
+    fine_s: float = 0.01,
+    each: int = 10,
+) -> Drive:
+    """Integrate (v_y, γ, s, d, ψ) under steer(t, state, v); the rows are every `each` fine steps."""
+    m, inertia = vehicle.mass_kg, vehicle.yaw_inertia_kgm2
+    lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
+    kf, kr = vehicle.front_stiffness_npr, vehicle.rear_stiffness_npr
+
+    def rates(t: float, x: Array, delta: float) -> Array:
+        v = speed(t)
+        vy, yaw, s, d, psi = x
+        force_front = kf * (delta - (vy + lf * yaw) / v)
+        force_rear = kr * (lr * yaw - vy) / v
+        along = (v * np.cos(psi) - vy * np.sin(psi)) / (1.0 - d * curvature(s))
+        return np.array(
+            [
+                (force_front + force_rear) / m - v * yaw,
+                (lf * force_front - lr * force_rear) / inertia,
+                along,
+                v * np.sin(psi) + vy * np.cos(psi),
+                yaw - curvature(s) * along,
+            ]
+        )
+
+    x, rows = np.array(start), []
+    for k in range(round(duration_s / fine_s) + 1):
+        t = k * fine_s
+        delta = steer(t, x, speed(t))
+        if k % each == 0:
+            rows.append([t, speed(t), x[0], x[1], delta, x[2], x[3], x[4]])
+        k1 = rates(t, x, delta)
+        k2 = rates(t + fine_s / 2, x + fine_s / 2 * k1, delta)
+        k3 = rates(t + fine_s / 2, x + fine_s / 2 * k2, delta)
+        k4 = rates(t + fine_s, x + fine_s * k3, delta)
+        x = x + fine_s / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    table = np.array(rows).T
+    here = np.array([curvature(s) for s in table[5]])
+    ahead = np.array([curvature(s + PREVIEW_M) for s in table[5]])
+    rate = np.array([(curvature(s + PREVIEW_M) - curvature(s)) / PREVIEW_M for s in table[5]])
+    return Drive(*table, here, ahead, rate)
+
+
+def looks(
+    truth: Drive,
+    rng: np.random.Generator | None = None,
+    copies: int = 1,
+    offset_m: float = 0.0,
+    heading_rad: float = 0.0,
+    curvature_1pm: float = 0.0,
+    curvature_rate_1pm2: float = 0.0,
+    width_m: float = 3.75,
+) -> list[LaneEstimate]:
+    """What a camera with white noise of these standard deviations would report, step by step, for `copies`
+    vehicles on the same drive. The preview point lies where lane and vehicle really are (second order).
+    """
+    rng = rng or np.random.default_rng(0)
+    out = []
+    for k in range(len(truth.time_s)):
+
+        def noisy(value: float, deviation: float) -> Array:
+            return value + deviation * rng.standard_normal(copies)
+
+        d = noisy(truth.offset_m[k], offset_m)
+        psi = noisy(truth.heading_rad[k], heading_rad)
+        rate = noisy(truth.curvature_rate_1pm2[k], curvature_rate_1pm2)
+        ahead = noisy(truth.preview_curvature_1pm[k], curvature_1pm)
+        near = ahead - rate * PREVIEW_M
+        out.append(
+            LaneEstimate(
+                locked=np.ones(copies, bool),
+                score=np.ones(copies),
+                lateral_offset_m=d,
+                heading_error_rad=psi,
+                curvature_1pm=ahead,
+                curvature_rate_1pm2=rate,
+                lane_width_m=np.full(copies, width_m),
+                preview_offset_m=-d - psi * PREVIEW_M + near * PREVIEW_M**2 / 2 + rate * PREVIEW_M**3 / 6,
+                preview_heading_rad=-psi + near * PREVIEW_M + rate * PREVIEW_M**2 / 2,
+                left_border_seen=np.ones(copies, bool),
+                right_border_seen=np.ones(copies, bool),
+                lane_shift=np.zeros(copies, np.int8),
+            )
+        )
+    return out
+
+
+def lane_change_steer(
+    vehicle: Vehicle, speed_mps: float, width_m: float = 3.75, start_s: float = 2.0, over_s: float = 5.0
+) -> Steer:
+    """Open-loop steer of a sine lateral acceleration that moves the car one lane to the left."""
+    peak = 2 * np.pi * width_m / over_s**2
+    per_g = (vehicle.wheelbase_m + vehicle.understeer * speed_mps**2) / speed_mps**2
+
+    def steer(t: float, x: Array, v: float) -> float:
+        inside = start_s <= t <= start_s + over_s
+        return float(per_g * peak * np.sin(2 * np.pi * (t - start_s) / over_s)) if inside else 0.0
+
+    return steer
+
+
+def world_path(fine: Drive) -> tuple[Array, Array, Array]:
+    """(x, y, heading) of the centre of gravity in the world, starting at the origin along x, for each row.
+
+    Integrated by trapezoids over the rows: take a Drive with a row every 0.01 s. The start's heading is that
+    against the road.
+    """
+    heading = fine.heading_rad[0] + cumulative_trapezoid(fine.yaw_rate_rps, fine.time_s, initial=0.0)
+    cos, sin = np.cos(heading), np.sin(heading)
+    v, v_y = fine.speed_mps, fine.lateral_speed_mps
+    x = cumulative_trapezoid(v * cos - v_y * sin, fine.time_s, initial=0.0)
+    y = fine.offset_m[0] + cumulative_trapezoid(v * sin + v_y * cos, fine.time_s, initial=0.0)
+    return x, y, heading

@@ -1,0 +1,126 @@
+"""What the published lane search costs a frame (Zhang et al. 2011, table 4): 180, 120 and 25 generations.
+
+Frames are rendered from gentle bends with solid and dashed borders and searched as in a run: frame 1, frames
+2 to 6, later. Timed in processor time of one thread, for both borders, block maps included; the source's
+computer is not named.
+"""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from analysis.published import comparison
+from camera_synth.camera import PROCESSED_FROM, Camera, projection
+from camera_synth.condition import looks, preset
+from camera_synth.pose import Pose
+from camera_synth.render import new_frames, render
+from plugin.lane import genetic
+from sumo_net.plain_road import no_objects, road_ahead
+from sumo_net.randomness import stream_key
+from sumo_net.settings import settings
+
+CLASSES = ("frame 1", "frames 2 to 6", "later frames")
+PRINTED_MS = (210.0, 150.0, 30.0)
+PRINTED_GENERATIONS = (180, 120, 25)
+_STEP_M = 2.5
+
+
+@settings
+class SearchTimes:
+    """The frames and how often."""
+
+    vehicles: int = Field(32, ge=1, le=256, description="frames searched in one call")
+    later_frames: int = Field(20, ge=1, le=1000)
+    repeats: int = Field(3, ge=1, le=100)
+    condition: str = Field("clear", description="preset of camera_synth.condition")
+    seed: int = Field(1, ge=0)
+
+
+def times(experiment: SearchTimes) -> pd.DataFrame:
+    """A row a repeat and frame: class, ms of processor time a frame (both borders), generations."""
+    n = experiment.vehicles
+    keys = np.array([stream_key(experiment.seed, f"car {i}", "camera") for i in range(n)], np.uint64)
+    numbers = genetic.search_numbers(genetic.GeneticSearch())
+    shots = [_frames(experiment, keys, k) for k in range(6 + experiment.later_frames)]
+    genetic.search(shots[0], genetic.init(keys), numbers)  # compiles where that has not been done
+    rows = []
+    for repeat in range(experiment.repeats):
+        state = genetic.init(keys + np.uint64(repeat))
+        for k, frames in enumerate(shots):
+            kind = 0 if k == 0 else 1 if k < 6 else 2
+            begin = time.process_time()
+            state, _ = genetic.search(frames, state, numbers)
+            spent = time.process_time() - begin
+            rows.append(
+                {
+                    "repeat": repeat,
+                    "frame": k + 1,
+                    "class": CLASSES[kind],
+                    "ms": 1e3 * spent / n,
+                    "generations": int(numbers.generations[kind]),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def compare(measured: pd.DataFrame) -> pd.DataFrame:
+    """Medians of the frame classes beside table 4."""
+    rows = []
+    for kind, printed_ms, generations in zip(CLASSES, PRINTED_MS, PRINTED_GENERATIONS, strict=True):
+        of_kind = measured[measured["class"] == kind]
+        rows.append(
+            comparison.row(
+                kind, "generations", "", float(of_kind["generations"].iloc[0]), generations, "printed"
+            )
+        )
+        rows.append(
+            comparison.row(
+                kind, "time a frame, both borders", "ms", of_kind["ms"].median(), printed_ms, "printed"
+            )
+        )
+    return comparison.table(rows)
+
+
+def reproduce(out: Path, experiment: SearchTimes | None = None) -> pd.DataFrame:
+    """Write search-times.csv, search-times.png and the comparison into `out`; give the comparison."""
+    out.mkdir(parents=True, exist_ok=True)
+    measured = times(experiment or SearchTimes())
+    measured.to_csv(out / "search-times.csv", index=False, float_format="%.4f")
+    _plot(out / "search-times.png", measured)
+    return comparison.write(out, "search-times", compare(measured))
+
+
+def _frames(experiment: SearchTimes, keys: np.ndarray, k: int) -> np.ndarray:
+    n = len(keys)
+    curvature = np.linspace(-1e-3, 1e-3, n)
+    offset = 0.3 * np.sin(np.arange(n))
+    station = 1000.0 + 137.0 * np.arange(n) + _STEP_M * k
+    frames, straight_on = new_frames(n), np.zeros(n)
+    ahead = road_ahead(curvature, 0.0, offset, 0.0, station)
+    pose = Pose(station, offset, straight_on)
+    condition = looks(preset(experiment.condition), n)
+    counter = np.full(n, k, np.int64)
+    render(frames, projection(Camera()), ahead, no_objects(n), pose, condition, keys, counter, PROCESSED_FROM)
+    return frames
+
+
+def _plot(path: Path, measured: pd.DataFrame) -> None:
+    from matplotlib.figure import Figure  # slow to import, and needed only here
+
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
+    axes = figure.subplots()
+    ours = measured.groupby("class")["ms"].median()
+    at = np.arange(len(CLASSES))
+    for shift, values, label in (
+        (-0.2, PRINTED_MS, "published"),
+        (0.2, [ours[kind] for kind in CLASSES], "here"),
+    ):
+        bars = axes.bar(at + shift, values, 0.4, label=label)
+        axes.bar_label(bars, fmt="%.3g")
+    axes.set_xticks(at, CLASSES)
+    axes.set(yscale="log", ylabel="ms a frame, both borders")
+    axes.legend()
+    figure.savefig(path, dpi=120)
