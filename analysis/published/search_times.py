@@ -44,7 +44,7 @@ def times(experiment: SearchTimes) -> pd.DataFrame:
     n = experiment.vehicles
     keys = np.array([stream_key(experiment.seed, f"car {i}", "camera") for i in range(n)], np.uint64)
     numbers = genetic.search_numbers(genetic.GeneticSearch())
-    shots = [_frames(experiment, keys, k) for k in range(6 + experiment.later_frames)]
+    shots = [frames_at(experiment, keys, k) for k in range(6 + experiment.later_frames)]
     genetic.search(shots[0], genetic.init(keys), numbers)  # compiles where that has not been done
     rows = []
     for repeat in range(experiment.repeats):
@@ -93,7 +93,7 @@ def reproduce(out: Path, experiment: SearchTimes | None = None) -> pd.DataFrame:
     return comparison.write(out, "search-times", compare(measured))
 
 
-def _frames(experiment: SearchTimes, keys: np.ndarray, k: int) -> np.ndarray:
+def frames_at(experiment: SearchTimes, keys: np.ndarray, k: int) -> np.ndarray:
     n = len(keys)
     curvature = np.linspace(-1e-3, 1e-3, n)
     offset = 0.3 * np.sin(np.arange(n))
