@@ -130,6 +130,7 @@ def _tracks(
         small = str(track.motion_state) == "stationary"
         canvas.dot(picture, column, row, 3 if small else 5, colour, -1 if track.measured else 1)
         if track.track_id == target:
+            row = max(row, 14.0)  # further ahead than the view reaches
             canvas.dot(picture, column, row, 11, canvas.WHITE, 2)
             gap = float(drive.steps["fcw_gap_m"].iloc[index])
             canvas.text(picture, f"{gap:.0f} m", column + 17, row, 14, bold=True, back=canvas.DARK)

@@ -52,6 +52,7 @@ class Film:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FilmError(f"{path.parent}: cannot be made ({error.strerror})") from None
+        _check_writable(path)
         self._path = path
         self._rate = Fraction(1.0 / step_s).limit_denominator(1001)
         self._coding = _CODINGS.get(suffix)
@@ -105,6 +106,17 @@ class Film:
                 if kind is None:
                     reason = _reason(failed)
                     raise FilmError(f"{self._path}: cannot be written as a video ({reason})") from None
+
+
+def _check_writable(path: Path) -> None:
+    """Before hours of work: whether the file can be made. It is left as it was."""
+    there = path.exists()
+    try:
+        path.open("ab").close()
+    except OSError as error:
+        raise FilmError(f"{path}: cannot be written ({error.strerror})") from None
+    if not there:
+        path.unlink()
 
 
 def _reason(error: BaseException) -> str:

@@ -6,15 +6,21 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from plugin.assistance import DriverAssistance
 from plugin.configuration import CONFIGURATION, Configuration, load_configuration
-from sumo_net.scenario import prepare
-from sumo_net.traffic import Traffic
+from sumo_net.scenario import PreparedRun, prepare
+from sumo_net.traffic import Traffic, TrafficError
+
+
+class Window(NamedTuple):
+    """How SUMO's own window is opened."""
+
+    delay_ms: int = 100  # least time of a step; 100: real time at most
 
 
 def settings_of(
@@ -47,9 +53,12 @@ def simulate(
     compare_paper: bool = False,
     threads: int | None = None,
     quiet: bool = False,
+    window: Window | None = None,
     **options: Any,
 ) -> Path:
     """Run `scenario` and write its tables into `out`; `options` are those of `settings_of`.
+
+    `window`: run in SUMO's own window, in a process of its own (traci): no table changes by that.
 
     What has been computed is written also when the run is interrupted. Raises SettingsError or TrafficError.
     """
@@ -62,7 +71,7 @@ def simulate(
             console.print(f"note: {note}", markup=False)
         with (
             between_steps() as stop_here,
-            Traffic.start(prepared.arguments) as traffic,
+            Traffic.start(_arguments(prepared, window), gui=window is not None) as traffic,
             DriverAssistance(
                 traffic,
                 configuration,
@@ -75,8 +84,38 @@ def simulate(
                 scenario=scenario,
             ) as adas,
         ):
-            drive(traffic, adas, prepared.warm_up_steps, prepared.recorded_steps, name, console, stop_here)
+            after_step = _in_window(traffic, adas, out) if window is not None else lambda: None
+            try:
+                drive(
+                    traffic,
+                    adas,
+                    prepared.warm_up_steps,
+                    prepared.recorded_steps,
+                    name,
+                    console,
+                    stop_here,
+                    after_step,
+                )
+            except TrafficError as error:
+                if window is None:
+                    raise
+                console.print(f"the window was closed: the rows so far are kept ({error})", markup=False)
     return out
+
+
+def _arguments(prepared: PreparedRun, window: Window | None) -> tuple[str, ...]:
+    if window is None:
+        return prepared.arguments
+    from analysis.window import VIEW_SETTINGS
+
+    shown = ("--gui-settings-file", str(VIEW_SETTINGS), "--window-size", "1280,720")
+    return (*prepared.arguments, *shown, "--delay", str(window.delay_ms))
+
+
+def _in_window(traffic: Traffic, adas: DriverAssistance, out: Path) -> Callable[[], None]:
+    from analysis.window import FleetWindow
+
+    return FleetWindow(traffic, adas, out).step
 
 
 def name_of(scenario: str) -> str:
@@ -93,6 +132,7 @@ def drive(
     name: str,
     console: Console,
     stop_here: Callable[[], None],
+    after_step: Callable[[], None] = lambda: None,
 ) -> None:
     """SUMO alone for the warm-up, then with the assistance; `stop_here` is called where it may end."""
     with _progress(console) as progress:
@@ -104,6 +144,7 @@ def drive(
         for _ in range(steps):
             traffic.step()
             adas.step()
+            after_step()
             progress.update(task, description=name, advance=1, vehicles=len(adas.vehicles))
             stop_here()
 

@@ -10,7 +10,7 @@ import pandas as pd
 from camera_synth.pose import Pose
 from ego_synth.sensors import SensorState
 from plugin import capture, rear_end
-from plugin.capture import Capture, Moment, Watch
+from plugin.capture import Capture, Look, Moment, Watch
 from plugin.configuration import Configuration, configuration_from, versions, write_configuration
 from plugin.ground_truth import curvature_ahead, margins, true_motion
 from plugin.motion import observer, prediction
@@ -51,6 +51,16 @@ class FleetState(NamedTuple):
     observer: observer.State
     departure: departure.DepartureState
     ranging: RangingState
+
+
+class Latest(NamedTuple):
+    """The last step of n vehicles, for who watches."""
+
+    handle: Array  # (n,) int64
+    departure_code: Array  # (n,) int8, index into plugin.warning.departure.CODES
+    collision_code: Array  # (n,) int8, index into plugin.warning.collision.CODES
+    moment: Moment
+    columns: dict[str, Any]  # those of the table `steps` that are known by then, text as codes
 
 
 class DriverAssistance:
@@ -126,6 +136,7 @@ class DriverAssistance:
         self._begin_s = self._end_s = np.nan
         self._horizon = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64) - 1
         self._closed = False
+        self.latest: Latest | None = None  # None while no equipped vehicle drives
 
     @classmethod
     def attach(
@@ -193,6 +204,7 @@ class DriverAssistance:
                 seen = self._capture.watched(truth.handle)
                 truth, spans = select(truth, seen), spans[seen]
         self._follow_fleet(truth.handle)
+        self.latest = None
         if len(truth.handle):
             self._drive(sensed, truth, spans)
         self._script.step(snapshot)
@@ -203,6 +215,19 @@ class DriverAssistance:
                 self._capture.settle()
             for handle in [one for one in self._names if not self._traffic.remembers(one)]:
                 del self._names[handle]
+
+    def look(self, handle: int) -> tuple[Look, dict[str, Any], dict[str, Any]] | None:
+        """What a vehicle saw in the last step, its row of `steps` so far, and its rows of `tracks`.
+
+        None for one that is not equipped, or not on the road.
+        """
+        if self.latest is None or handle not in self.latest.handle:
+            return None
+        row = int(np.searchsorted(self.latest.handle, handle))
+        seen = select(capture.look(self._vision, self.latest.moment, np.array([row])), 0)
+        tracks = self._rear_end.track_rows(self._rear_end.latest_of(handle))
+        tracks["time_s"] = np.full(len(tracks["track_id"]), self.latest.moment.time_s)
+        return seen, self._scorer.now(self.latest.columns, row), tracks
 
     def close(self) -> None:
         """Score and write what is left; safe to call twice. The simulation goes on."""
@@ -309,8 +334,9 @@ class DriverAssistance:
         columns["true_state"] = self._points(actual_path)
         columns |= self._rear_end.add(snapshot, truth, echo)
         self._scorer.add(columns)
+        now = Moment(self._traffic.time_s, truth.handle, state.vision, scene, sight, paths["predicted"])
+        self.latest = Latest(truth.handle, warning.code, echo.warning.code, now, columns)
         if self._capture is not None:
-            now = Moment(self._traffic.time_s, truth.handle, state.vision, scene, sight, paths["predicted"])
             self._capture.add(now, self._rear_end)
 
     def _foresee(

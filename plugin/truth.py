@@ -71,6 +71,18 @@ class Scorer:
             self.vehicle_steps += len(columns["handle"])
             self.distance_m += float(np.nansum(columns["speed_mps"])) * STEP_S
 
+    def now(self, columns: dict[str, Array], row: int) -> dict[str, Any]:
+        """A row of `steps` of one step, as far as it is known before its future: no true TLC, no verdicts."""
+        known: dict[str, Any] = {name: columns[name][row] for name in _STEP_COLUMNS if name in columns}
+        known = {name: np.nan if np.isinf(value) else value for name, value in known.items()}
+        known["true_cause"] = CAUSES[int(columns["cause"][row])]
+        for name, labels in self._labels.items():
+            code = int(known[name])
+            known[name] = labels[code] if code >= 0 else None
+        if known["fcw_track_id"] < 0:
+            known["fcw_track_id"] = None
+        return known | {"vehicle_id": self._names[int(columns["handle"][row])], "true_tlc_s": np.nan}
+
     def settle(self, now_s: float, final: bool = False) -> None:
         """Write all rows whose future is known by `now_s`; with `final`, all that are left."""
         rows = self._gather()

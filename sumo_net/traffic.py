@@ -314,6 +314,15 @@ class Traffic:
             self._sumo.vehicle.setColor(self._names[handle], (red, green, blue, 255))
 
     @property
+    def window(self) -> Any:
+        """SUMO's own interface to its window; None where it has none."""
+        has = getattr(self._sumo, "hasGUI", lambda: hasattr(self._sumo, "gui"))
+        try:
+            return self._sumo.gui if has() else None
+        except (*self._lost, self._refused):
+            return None
+
+    @property
     def vehicles(self) -> Any:
         """SUMO's own vehicle interface, for `influence`."""
         return self._sumo.vehicle

@@ -42,9 +42,19 @@ def run(
             min=0, max=1000, metavar="N", help="Keep the camera frames of N vehicles, the first on the road."
         ),
     ] = None,
+    gui: Annotated[
+        bool, typer.Option("--gui", help="In SUMO's own window; the followed vehicle's camera in --out.")
+    ] = False,
+    delay: Annotated[
+        int, typer.Option("--delay", min=0, max=10_000, metavar="MS", help="Of a step, with --gui.")
+    ] = 100,
 ) -> None:
-    """Run a scenario in SUMO, write the tables and print a summary."""
-    from analysis.simulate import simulate
+    """Run a scenario in SUMO, write the tables and print a summary.
+
+    With --gui it runs in sumo-gui, in a process of its own that is spoken to over traci: libsumo, which runs
+    SUMO inside this process, is built without a window. The tables are the same; docs/gui.md.
+    """
+    from analysis.simulate import Window, simulate
     from analysis.summary import print_summary
 
     with plain_errors(), told_where(out):
@@ -58,6 +68,7 @@ def run(
             formats=("csv", "parquet") if table_format is Format.BOTH else (table_format.value,),
             compare_paper=compare_paper,
             frames=frames,
+            window=Window(delay) if gui else None,
         )
         print_summary(directory)
 

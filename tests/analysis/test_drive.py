@@ -4,10 +4,14 @@ import shutil
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import av
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
 
+from analysis import canvas
+from analysis.cli import main
 from analysis.drive import DriveError, load_drive, most_interesting, vehicles_of, vehicles_with_frames
 from camera_synth.camera import PROCESSED_FROM, projection, vehicle_from_image
 from plugin.capture import FRAMES, folder_name
@@ -186,3 +190,90 @@ def test_what_is_missing_is_said(watched: Path, tmp_path: Path) -> None:
     (tmp_path / "run" / "configuration.json").unlink()
     with pytest.raises(DriveError, match="cannot be repeated"):
         replayed(tmp_path / "run", [name])
+
+
+def decoded(file: Path) -> tuple[str, str, float, list[np.ndarray]]:
+    """Codec, pixel format, frames a second, and the pictures, BGR."""
+    with av.open(str(file)) as container:
+        stream = container.streams.video[0]
+        pictures = [frame.to_ndarray(format="bgr24") for frame in container.decode(stream)]
+        context = stream.codec_context
+        return context.name, str(context.pix_fmt), float(stream.average_rate or 0), pictures
+
+
+def typed(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as left:
+        main([str(word) for word in words])
+    said = capsys.readouterr()
+    return int(left.value.code or 0), said.out, said.err
+
+
+@pytest.mark.parametrize(("suffix", "codec"), [(".mp4", "h264"), (".webm", "vp9")])
+def test_video_is_what_browsers_play_and_shows_every_step(
+    suffix: str, codec: str, watched: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = load_drive(watched)
+    file = tmp_path / "deep" / f"seen{suffix}"
+    begin = drive.time_s[5]
+    words = ("--vehicle", drive.vehicle_id, "--from", f"{begin}", "--to", f"{begin + 0.9}", "--out", file)
+    status, out, err = typed(capsys, "video", watched, *words)
+    assert (status, err) == (0, "")
+    assert out == f"{drive.vehicle_id}: {file}\n"
+    name, pixels, rate, pictures = decoded(file)
+    assert (name, pixels, rate, len(pictures)) == (codec, "yuv420p", 10.0, 10)
+    assert pictures[0].shape == (720, 1280, 3)
+    # the sky is the camera's, where it is drawn: brightness survives the coding
+    sky = drive.frames[5][10:60, 160:300].mean()
+    assert pictures[0][26:156, 416:780].mean() == pytest.approx(sky, abs=4.0)
+
+
+def test_a_still_has_border_and_path_where_they_were_found(
+    watched: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = load_drive(watched)
+    shown = int(np.flatnonzero(drive.steps["recognised"].fillna(False).to_numpy(bool))[-1])
+    file = tmp_path / "seen.png"
+    words = ("--vehicle", drive.vehicle_id, "--from", f"{drive.time_s[shown]}", "--out", file)
+    assert typed(capsys, "video", watched, *words)[0] == 0
+    picture = cv2.imread(str(file))
+    assert picture is not None
+    scale = 832 / 320
+    hits = total = 0
+    for columns, colour in zip(drive.border_px[shown], (canvas.LEFT, canvas.RIGHT), strict=True):
+        for y, x in zip(drive.border_rows[:40], columns, strict=False):
+            if 3.0 < x < 316.0 and abs(x - 160.0) > 12.0:
+                column, row = round((x + 0.5) * scale), round((239.5 - y) * scale)
+                near = picture[row, column - 2 : column + 3].astype(int)
+                hits += bool((np.abs(near - colour).sum(axis=1) < 30).any())
+                total += 1
+    assert total > 20
+    assert hits > 0.9 * total
+
+
+def test_video_says_what_is_wrong(watched: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    name = load_drive(watched).vehicle_id
+    (tmp_path / "file").write_text("")
+    for words, expected in (
+        (("--vehicle", name[:-1] + "x"), "did you mean"),
+        (("--out", tmp_path / "a.xyz"), "its suffix must be one of .mp4"),
+        (("--out", tmp_path / "file" / "a.mp4"), "cannot be made"),
+        (("--vehicle", name, "--from", "9999", "--out", tmp_path / "a.mp4"), "it drove from"),
+        (("--vehicle", name, "--from", "nan", "--out", tmp_path / "a.mp4"), "must be a time"),
+    ):
+        status, out, err = typed(capsys, "video", watched, *words)
+        assert (status, out) == (2, "")
+        assert err.startswith("error: ")
+        assert err.count("\n") == 1
+        assert expected in err
+    status, _, err = typed(capsys, "video", tmp_path)
+    assert status == 2
+    assert "holds no table 'steps'" in err
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["file"]
+
+
+def test_text_of_any_id_can_be_drawn() -> None:
+    picture = np.zeros((40, 200, 3), np.uint8)
+    for words in ("", "\n\x00", "Ünïcödé 車", "x" * 300):
+        canvas.text(picture, words, 190.0, 38.0)
+        canvas.text(picture, words, -50.0, -3.0, back=canvas.DARK)
+    assert picture.any()

@@ -1,0 +1,38 @@
+"""The last step of a running fleet as a drive of one step, to be drawn like a recorded one."""
+
+import numpy as np
+import pandas as pd
+
+from analysis.drive import Drive
+from plugin.assistance import DriverAssistance
+from plugin.record import Recorder
+from plugin.schema import TABLES
+from plugin.vision import JUDGED_Y
+
+
+def last_step(adas: DriverAssistance, handle: int) -> Drive | None:
+    """What a vehicle saw in the last step; None for one that is not equipped, or not on the road."""
+    found = adas.look(handle)
+    if found is None:
+        return None
+    seen, step, tracks = found
+    memory = Recorder(adas.recorder.run_id)
+    memory.append("tracks", tracks)
+    none = {name: memory.table(name) for name in ("warnings", "departures", "conflicts")}
+    columns = [column.name for column in TABLES["steps"]]
+    return Drive(
+        vehicle_id=str(step["vehicle_id"]),
+        run_id=adas.recorder.run_id,
+        time_s=np.array([step["time_s"]]),
+        frames=seen.frame[None],
+        steps=pd.DataFrame([{name: step.get(name) for name in columns}]),
+        tracks=memory.table("tracks"),
+        camera=adas.configuration.camera,
+        path_m=seen.path_m[None],
+        border_px=seen.border_px[None],
+        border_rows=JUDGED_Y,
+        bodies_m=seen.bodies_m[None],
+        road_m=seen.road_m[None],
+        road_kind=seen.road_kind[None],
+        **none,
+    )
