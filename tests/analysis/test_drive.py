@@ -13,6 +13,7 @@ import pytest
 from analysis import canvas
 from analysis.cli import main
 from analysis.drive import DriveError, load_drive, most_interesting, vehicles_of, vehicles_with_frames
+from analysis.replay import replay
 from camera_synth.camera import PROCESSED_FROM, projection, vehicle_from_image
 from plugin.capture import FRAMES, folder_name
 from plugin.configuration import load_configuration
@@ -22,8 +23,18 @@ from tests.plugin.test_assistance import in_process
 SECONDS = 5.0
 
 
-def run_watched(out: Path, seen: Path) -> None:
-    """A run that keeps frames, and the frames that the detector was given."""
+class Runs(NamedTuple):
+    """A run that kept frames; the same without them, and those of two of its vehicles made afterwards."""
+
+    watched: Path
+    repeated: Path
+    name: str
+    changed: str  # a vehicle whose recorded rows are not what the run gives
+    findings: list[str]
+
+
+def run_and_repeat(folder: Path) -> Runs:
+    """Both in one process, to load the kernels once; also the frames that the detector was given."""
     from analysis.simulate import simulate
     from plugin.vision import Vision
 
@@ -35,43 +46,30 @@ def run_watched(out: Path, seen: Path) -> None:
             given.setdefault(str(key), []).append(frame.copy())
         return look(self, frames, state, *rest)
 
+    watched, repeated = folder / "watched", folder / "repeated"
     Vision._look = spied  # type: ignore[method-assign]
-    simulate("highway", out, quiet=True, duration_s=SECONDS, fraction=0.05, seed=3, frames=3, threads=1)
-    np.savez(seen, **{key: np.stack(frames) for key, frames in given.items()})
+    simulate("highway", watched, quiet=True, duration_s=SECONDS, fraction=0.05, seed=3, frames=3, threads=1)
+    Vision._look = look  # type: ignore[method-assign]
+    np.savez(folder / "seen.npz", **{key: np.stack(frames) for key, frames in given.items()})
 
-
-def replayed(directory: Path, names: list[str]) -> list[str]:
-    from analysis.replay import replay
-
-    return replay(directory, names, threads=1)
-
-
-@pytest.fixture(scope="module")
-def watched(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("drive")
-    in_process(run_watched, out, out / "seen.npz")
-    return out
-
-
-class Repeated(NamedTuple):
-    """The same run without frames, and those of two vehicles made afterwards."""
-
-    directory: Path
-    name: str
-    changed: str  # a vehicle whose recorded rows are not what the run gives
-    findings: list[str]
-
-
-@pytest.fixture(scope="module")
-def repeated(watched: Path, tmp_path_factory: pytest.TempPathFactory) -> Repeated:
-    out = tmp_path_factory.mktemp("repeated") / "run"
-    shutil.copytree(watched, out, ignore=shutil.ignore_patterns(FRAMES, "seen.npz"))
+    shutil.copytree(watched, repeated, ignore=shutil.ignore_patterns(FRAMES))
     name = load_drive(watched).vehicle_id
     changed = next(other for other in vehicles_with_frames(watched) if other != name)
-    steps = pd.read_csv(out / "steps.csv", dtype={"fcw_track_id": "Int64"})
+    steps = pd.read_csv(repeated / "steps.csv", dtype={"fcw_track_id": "Int64"})
     steps.loc[steps.index[steps["vehicle_id"] == changed][1], "speed_mps"] += 0.01
-    steps.to_csv(out / "steps.csv", index=False)
-    return Repeated(out, name, changed, in_process(replayed, out, [name, changed]))
+    steps.to_csv(repeated / "steps.csv", index=False)
+    return Runs(watched, repeated, name, changed, replay(repeated, [name, changed], threads=1))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
+    done: Runs = in_process(run_and_repeat, tmp_path_factory.mktemp("drive"))
+    return done
+
+
+@pytest.fixture
+def watched(runs: Runs) -> Path:
+    return runs.watched
 
 
 def test_a_frame_and_a_row_a_step(watched: Path) -> None:
@@ -91,7 +89,7 @@ def test_a_frame_and_a_row_a_step(watched: Path) -> None:
 
 def test_the_frames_are_the_detectors_in_the_rows_that_it_looks_at(watched: Path) -> None:
     drive = load_drive(watched)
-    with np.load(watched / "seen.npz") as seen:
+    with np.load(watched.parent / "seen.npz") as seen:
         given = [seen[key][:, PROCESSED_FROM:] for key in seen.files]
     assert any(np.array_equal(frames, drive.frames[:, PROCESSED_FROM:]) for frames in given)
     assert drive.frames[:, :PROCESSED_FROM].std() > 1.0  # and above them there is a sky
@@ -128,8 +126,8 @@ def test_tracks_lie_on_the_bodies(watched: Path) -> None:
         assert np.nanmin(outside) < 2.0
 
 
-def test_repeating_the_run_gives_the_same_bytes(watched: Path, repeated: Repeated) -> None:
-    again, first = load_drive(repeated.directory), load_drive(watched, repeated.name)
+def test_repeating_the_run_gives_the_same_bytes(runs: Runs) -> None:
+    again, first = load_drive(runs.repeated), load_drive(runs.watched, runs.name)
     assert again.vehicle_id == first.vehicle_id
     assert np.array_equal(again.frames, first.frames)
     assert np.array_equal(again.path_m, first.path_m, equal_nan=True)
@@ -138,12 +136,12 @@ def test_repeating_the_run_gives_the_same_bytes(watched: Path, repeated: Repeate
     assert again.notes == ()
 
 
-def test_a_repeated_run_that_is_another_one_is_told(repeated: Repeated) -> None:
-    (finding,) = repeated.findings
-    assert repeated.changed in finding
+def test_a_repeated_run_that_is_another_one_is_told(runs: Runs) -> None:
+    (finding,) = runs.findings
+    assert runs.changed in finding
     assert "differs from" in finding
     assert "(speed_mps)" in finding
-    notes = load_drive(repeated.directory, repeated.changed).notes
+    notes = load_drive(runs.repeated, runs.changed).notes
     assert notes == (finding.split(" (recorded with")[0],)
 
 
@@ -189,7 +187,7 @@ def test_what_is_missing_is_said(watched: Path, tmp_path: Path) -> None:
     assert most_interesting(watched) in vehicles_of(watched)
     (tmp_path / "run" / "configuration.json").unlink()
     with pytest.raises(DriveError, match="cannot be repeated"):
-        replayed(tmp_path / "run", [name])
+        replay(tmp_path / "run", [name])
 
 
 def decoded(file: Path) -> tuple[str, str, float, list[np.ndarray]]:
