@@ -18,7 +18,6 @@ def last_step(adas: DriverAssistance, handle: int) -> Drive | None:
     seen, step, tracks = found
     memory = Recorder(adas.recorder.run_id)
     memory.append("tracks", tracks)
-    none = {name: memory.table(name) for name in ("warnings", "departures", "conflicts")}
     columns = [column.name for column in TABLES["steps"]]
     return Drive(
         vehicle_id=str(step["vehicle_id"]),
@@ -27,6 +26,9 @@ def last_step(adas: DriverAssistance, handle: int) -> Drive | None:
         frames=seen.frame[None],
         steps=pd.DataFrame([{name: step.get(name) for name in columns}]),
         tracks=memory.table("tracks"),
+        warnings=memory.table("warnings"),
+        departures=memory.table("departures"),
+        conflicts=memory.table("conflicts"),
         camera=adas.configuration.camera,
         path_m=seen.path_m[None],
         border_px=seen.border_px[None],
@@ -34,5 +36,4 @@ def last_step(adas: DriverAssistance, handle: int) -> Drive | None:
         bodies_m=seen.bodies_m[None],
         road_m=seen.road_m[None],
         road_kind=seen.road_kind[None],
-        **none,
     )

@@ -105,7 +105,7 @@ def _difference(recorded: pd.DataFrame, repeated: pd.DataFrame) -> str:
     if len(both) < len(recorded):
         return f"has only {len(both)} of {len(recorded)} steps"
     differing: dict[str, float] = {}
-    for name in shared:
+    for name in map(str, shared):
         if name == "time_s":
             continue
         old, new = both[name], both[f"{name}|again"]

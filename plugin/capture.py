@@ -74,8 +74,8 @@ def look(vision: Vision, now: Moment, rows: Array) -> Look:
     road, kind = _lines(scene.ahead)
     o = scene.objects
     bodies = np.stack([o.forward_m, o.left_m, o.heading_rad, o.length_m, o.width_m], axis=-1)
-    small = [part.astype(np.float32) for part in (path, now.sight.columns[rows], bodies, road)]
-    return Look(frames, *small, kind)
+    whole = Look(frames, path, now.sight.columns[rows], bodies, road, kind)
+    return Look._make(part.astype(np.float32) if part.dtype == np.float64 else part for part in whole)
 
 
 class Capture:
@@ -156,7 +156,7 @@ class _Film:
         marks, self._marks = self._marks, []
         if marks:
             first = self._count - len(marks)
-            columns = {
+            columns: dict[str, Any] = {
                 name: np.stack([getattr(seen, name) for _, seen in marks])
                 for name in Look._fields
                 if name != "frame"
