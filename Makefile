@@ -25,8 +25,13 @@ format: $(VENV)/.dev
 evaluate: $(VENV)/.runtime
 	$(BIN)/sumo-adas evaluate --out out/evaluation
 
-bench: $(VENV)/.runtime
+bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/camera_chain.py --out out/benchmark.json
+	$(BIN)/python benchmarks/search_against_others.py
+	$(BIN)/python benchmarks/lanes_against_hough.py
+	$(BIN)/python benchmarks/radar_filters.py
+	$(BIN)/python benchmarks/rendering_against_opencv.py
+	$(BIN)/python benchmarks/coupling_against_traci.py
 
 soak: $(VENV)/.runtime
 	$(BIN)/python benchmarks/soak.py --duration 3600 --out out/soak
@@ -49,4 +54,8 @@ $(VENV)/.runtime: pyproject.toml constraints.txt | $(VENV)/.made
 
 $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/.made
 	$(PIP) install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@ $(VENV)/.runtime
+
+$(VENV)/.bench: pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) install --quiet --constraint constraints.txt --editable '.[bench]'
 	touch $@ $(VENV)/.runtime
