@@ -14,126 +14,40 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 
 from analysis.published import comparison
-from analysis.published.manoeuvre import Drive, Steer, drive, world_path
-from camera_synth.camera import PROCESSED_FROM, Camera, projection
-from camera_synth.condition import looks, preset
-from camera_synth.pose import Pose
-from camera_synth.render import new_frames, render
+from analysis.published.road_drives import (
+    AHEAD,
+    CAMERA,
+    HALF,
+    RUNS,
+    RoadRuns,
+    Run,
+    Truth,
+    driven,
+    frames_of,
+    still_step,
+    truth_of,
+)
+from camera_synth.camera import PROCESSED_FROM, projection
+from camera_synth.render import new_frames
+from camera_synth.truth import new_border_columns
 from plugin.lane import genetic, refine
 from plugin.lane.estimate import LaneEstimate
 from plugin.lane.genetic import fitted_to, search_numbers
-from plugin.lane.geometry import lane_estimate_from_borders
+from plugin.lane.geometry import lane_estimate_from_borders, marking_centres
 from plugin.motion import observer, prediction
 from plugin.motion.estimate import MotionEstimate, Trajectory
 from plugin.motion.observer import ObserverSettings
 from plugin.motion.prediction import PredictionSettings
-from sumo_net.plain_road import PlainRoad, no_objects
-from sumo_net.randomness import stream_key, uniform
-from sumo_net.settings import settings
-from sumo_net.vehicle import Vehicle
+from plugin.recognition_kernels import judge
+from plugin.vision import JUDGED_Y, SHARE, TOLERANCE_PX, parabola_columns
+from sumo_net.randomness import stream_key
+from sumo_net.road import OWN_RIGHT
 
 Array = np.ndarray[Any, Any]
 
-HALF, FULL, CAMERA = Vehicle(), Vehicle(mass_kg=1460.0), Camera()
-ROAD = PlainRoad(np.array([0.0, 150.0, 250.0, 420.0, 520.0]), np.array([0.0, 0.0, 1e-3, 1e-3, 0.0]))
 CHAINS = ("paper", "refined")
-HORIZON_S = 2.0
-STILL_S = 8.0  # when the picture of a run is taken
-_FINE_S = 0.01
-_AHEAD = round(HORIZON_S / 0.1)
-
-
-class Run(NamedTuple):
-    """One of the source's runs."""
-
-    title: str
-    vehicle: Vehicle
-    start_kmh: float
-    acceleration_mps2: float
-
-    def speed(self, time_s: float) -> float:
-        """m/s at a time."""
-        return self.start_kmh / 3.6 + self.acceleration_mps2 * time_s
-
-
-RUNS = (
-    Run("half load, 90 km/h", HALF, 90.0, 0.0),
-    Run("half load, from 80 km/h at 0.2 m/s²", HALF, 80.0, 0.2),
-    Run("full load, from 70 km/h at 0.18 m/s²", FULL, 70.0, 0.18),
-)
-
-
-@settings
-class RoadRuns:
-    """The cars, the drive and the day; all ours."""
-
-    cars: int = Field(6, ge=1, le=64)
-    duration_s: float = Field(16.0, gt=4, le=600)
-    settle_s: float = Field(2.0, ge=0, description="at the start, not scored")
-    weave_m: float = Field(0.2, ge=0, le=1, description="amplitude of the slower of two weaves in the lane")
-    condition: str = Field("clear", description="preset of camera_synth.condition")
-    seed: int = Field(1, ge=0)
-
-
-class Truth(NamedTuple):
-    """The drives of all cars of a run at 0.1 s, (steps, cars) each."""
-
-    drive: Drive
-    x_m: Array  # world
-    y_m: Array
-    world_heading_rad: Array
-
-
-def keeping_the_lane(vehicle: Vehicle, weave_m: float, phase: Array) -> Steer:
-    """A driver who follows the road ahead and weaves a little: two slow sines of the wanted offset."""
-
-    def steer(t: float, x: Array, v: float) -> float:
-        v_y, _, s, d, psi = x
-        wanted = weave_m * (
-            np.sin(2 * np.pi * (0.11 * t + phase[0])) + 0.4 * np.sin(2 * np.pi * (0.27 * t + phase[1]))
-        )
-        # 0.5 rad/s, damping 0.7: not the lane keeping that the refined prediction takes a driver to do
-        to_lane = (0.25 * (d - wanted) + 0.7 * (v * psi + v_y)) / v**2
-        turned = float(ROAD.curvature(s + 0.3 * v)) - to_lane
-        return float((vehicle.wheelbase_m + vehicle.understeer * v**2) * turned)
-
-    return steer
-
-
-def truth_of(run: Run, experiment: RoadRuns) -> Truth:
-    """All cars' drives; a car's weave depends on the seed and its number alone."""
-    drives, paths = [], []
-    for i in range(experiment.cars):
-        key = stream_key(experiment.seed, f"car {i}", "weave")
-        phase = np.array([uniform(key, np.uint64(0)), uniform(key, np.uint64(1))])
-        fine = drive(
-            run.vehicle,
-            keeping_the_lane(run.vehicle, experiment.weave_m, phase),
-            run.speed,
-            lambda s: float(ROAD.curvature(s)),
-            duration_s=experiment.duration_s + HORIZON_S,
-            fine_s=_FINE_S,
-            each=1,
-        )
-        every = slice(None, None, 10)
-        paths.append([part[every] for part in world_path(fine)])
-        drives.append([part[every] for part in fine])
-    whole = Drive(*np.moveaxis(np.array(drives), 0, -1))
-    return Truth(whole, *np.moveaxis(np.array(paths), 0, -1))
-
-
-def frames_of(truth: Truth, experiment: RoadRuns, k: int, frames: Array, first_row: int = 0) -> None:
-    """Draw what all cars see at step k into frames (cars, 240, 320)."""
-    n = experiment.cars
-    keys = np.array([stream_key(experiment.seed, f"car {i}", "camera") for i in range(n)], np.uint64)
-    t = truth.drive
-    ahead = ROAD.ahead(t.station_m[k], t.offset_m[k], t.heading_rad[k])
-    pose = Pose(*(np.ascontiguousarray(part[k]) for part in truth[1:]))
-    condition, counter = looks(preset(experiment.condition), n), np.full(n, k, np.int64)
-    render(frames, projection(CAMERA), ahead, no_objects(n), pose, condition, keys, counter, first_row)
 
 
 class Measured(NamedTuple):
@@ -155,10 +69,12 @@ class _Chain:
         self._state = observer.init(n, self._schedule)
         self._predictor = prediction.predictor(HALF, PredictionSettings(mode=name))  # type: ignore[arg-type]
 
-    def step(self, frames: Array, speed: Array) -> tuple[LaneEstimate, MotionEstimate, Trajectory]:
+    def step(self, frames: Array, speed: Array) -> tuple[Array, LaneEstimate, MotionEstimate, Trajectory]:
+        """Columns of the borders found (cars, 2, rows), lane, motion, path."""
         if self._paper:
             self._search, borders = genetic.search(frames, self._search, self._numbers)
             lane = lane_estimate_from_borders(borders, self._search.shifted, CAMERA)
+            columns = parabola_columns(marking_centres(borders, CAMERA))
         else:
             start, wanted = None, refine.needs_search(self._lane)
             if wanted.any():
@@ -167,13 +83,9 @@ class _Chain:
             self._lane, lane = refine.step(
                 frames, start, wanted, self._lane, projection(CAMERA), speed, settings_
             )
+            columns = refine.border_columns(self._lane, JUDGED_Y, projection(CAMERA))
         self._state, motion = observer.step(self._state, self._schedule, lane, speed)
-        return lane, motion, prediction.predict(motion, speed, self._predictor)
-
-
-def still_step(experiment: RoadRuns) -> int:
-    """The step at which the picture is taken."""
-    return round(min(STILL_S, experiment.duration_s - 0.1) / 0.1)
+        return columns, lane, motion, prediction.predict(motion, speed, self._predictor)
 
 
 def measure(experiment: RoadRuns) -> Measured:
@@ -194,22 +106,18 @@ def measure(experiment: RoadRuns) -> Measured:
         keys = np.array([stream_key(experiment.seed, f"car {i}", "search") for i in range(n)], np.uint64)
         chains, frames = {name: _Chain(name, keys, schedules[name]) for name in CHAINS}, new_frames(n)
         for k in range(count):
-            frames_of(truth, experiment, k, frames, PROCESSED_FROM)
+            borders, own = new_border_columns(n), np.full(n, OWN_RIGHT)
+            frames_of(truth, experiment, k, frames, PROCESSED_FROM, (own, borders))
             speed = np.ascontiguousarray(truth.drive.speed_mps[k])
             for name, chain in chains.items():
-                lane, motion, path = chain.step(frames, speed)
-                tables.append(_rows(run, name, truth, k, lane, motion, path))
+                columns, lane, motion, path = chain.step(frames, speed)
+                verdict = np.empty(n, np.int8)
+                judge(borders.column, borders.painted, columns, TOLERANCE_PX, SHARE, verdict)
+                rows = _rows(run, name, truth, k, lane, motion, path)
+                tables.append(rows.assign(recognised=np.where(verdict < 0, np.nan, verdict)))
                 if k == still_step(experiment):
-                    paths.append(_points(run, name, path.forward_m[0, :_AHEAD], path.left_m[0, :_AHEAD]))
+                    paths.append(_points(run, name, path.forward_m[0, :AHEAD], path.left_m[0, :AHEAD]))
     return Measured(pd.concat(tables, ignore_index=True), pd.concat(paths, ignore_index=True))
-
-
-def driven(truth: Truth, k: int) -> tuple[Array, Array]:
-    """(forward, left) in the vehicle frame of step k of where car 0 was in the 2 s after it, (20,) each."""
-    later = slice(k + 1, k + _AHEAD + 1)
-    dx, dy = truth.x_m[later, 0] - truth.x_m[k, 0], truth.y_m[later, 0] - truth.y_m[k, 0]
-    cos, sin = np.cos(truth.world_heading_rad[k, 0]), np.sin(truth.world_heading_rad[k, 0])
-    return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 def _points(run: Run, name: str, forward: Array, left: Array) -> pd.DataFrame:
@@ -222,7 +130,7 @@ def _points(run: Run, name: str, forward: Array, left: Array) -> pd.DataFrame:
 def _rows(
     run: Run, chain: str, truth: Truth, k: int, lane: LaneEstimate, motion: MotionEstimate, path: Trajectory
 ) -> pd.DataFrame:
-    t, at = truth.drive, _AHEAD - 1
+    t, at = truth.drive, AHEAD - 1
     here = MotionEstimate(
         t.lateral_speed_mps[k],
         t.yaw_rate_rps[k],
@@ -264,11 +172,11 @@ def _rows(
 
 
 def _across(path: Trajectory, at: int, truth: Truth, k: int) -> Array:
-    dx, dy = truth.x_m[k + _AHEAD] - truth.x_m[k], truth.y_m[k + _AHEAD] - truth.y_m[k]
+    dx, dy = truth.x_m[k + AHEAD] - truth.x_m[k], truth.y_m[k + AHEAD] - truth.y_m[k]
     heading = truth.world_heading_rad[k]
     ahead = path.forward_m[:, at] - (np.cos(heading) * dx + np.sin(heading) * dy)
     aside = path.left_m[:, at] - (np.cos(heading) * dy - np.sin(heading) * dx)
-    turn = truth.world_heading_rad[k + _AHEAD] - heading
+    turn = truth.world_heading_rad[k + AHEAD] - heading
     return np.asarray(np.cos(turn) * aside - np.sin(turn) * ahead)
 
 
@@ -281,6 +189,7 @@ def compare(step: pd.DataFrame, settle_s: float = RoadRuns().settle_s) -> pd.Dat
         slip = _rms(one["lateral_speed_mps"] - one["true_lateral_speed_mps"])
         yaw = _rms(one["yaw_rate_rps"] - one["true_yaw_rate_rps"])
         for figure, unit, value in (
+            ("borders recognised", "%", 100.0 * one["recognised"].mean()),
             ("lane locked", "%", 100.0 * one["locked"].mean()),
             ("observed offset, RMSE", "m", offset),
             ("observed v_y, RMSE", "m/s", slip),

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.published.road import (
+from analysis.published.road import Measured
+from analysis.published.road_drives import (
     CAMERA,
     HORIZON_S,
     RUNS,
     STILL_S,
-    Measured,
     RoadRuns,
     frames_of,
     still_step,

@@ -9,7 +9,15 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from analysis.cli import main
-from analysis.published import comparison, correction, recognition, road, search_times, simulation
+from analysis.published import (
+    comparison,
+    correction,
+    recognition,
+    road,
+    road_drives,
+    search_times,
+    simulation,
+)
 from analysis.published.experiments import EXPERIMENTS
 from analysis.published.manoeuvre import drive, world_path
 from sumo_net.plain_road import PlainRoad, road_ahead
@@ -70,9 +78,16 @@ def test_plain_road_is_the_closed_form_where_there_is_one() -> None:
 def test_plain_road_turns_by_the_integral_of_its_curvature() -> None:
     s = np.linspace(-100.0, 700.0, 8001)
     summed = np.concatenate(
-        [[0.0], np.cumsum(0.5 * np.diff(s) * (road.ROAD.curvature(s)[1:] + road.ROAD.curvature(s)[:-1]))]
+        [
+            [0.0],
+            np.cumsum(
+                0.5 * np.diff(s) * (road_drives.ROAD.curvature(s)[1:] + road_drives.ROAD.curvature(s)[:-1])
+            ),
+        ]
     )
-    np.testing.assert_allclose(road.ROAD.heading(s) - road.ROAD.heading(s[0]), summed, atol=1e-6)
+    np.testing.assert_allclose(
+        road_drives.ROAD.heading(s) - road_drives.ROAD.heading(s[0]), summed, atol=1e-6
+    )
 
 
 # --- what the experiments find
@@ -134,11 +149,12 @@ def test_recognition_compares_good_by_value_and_complex_by_bound() -> None:
 
 
 def test_road_runs_observe_and_predict(tmp_path: Path) -> None:
-    experiment = road.RoadRuns(cars=1, duration_s=4.2)
+    experiment = road_drives.RoadRuns(cars=1, duration_s=4.2)
     table = road.reproduce(tmp_path, experiment).set_index(["run", "figure"])["measured"]
-    for run in road.RUNS:
+    for run in road_drives.RUNS:
         of_run = table.loc[run.title]
         assert of_run["lane locked, refined"] == 100.0
+        assert of_run["borders recognised, refined"] == 100.0
         assert of_run["observed offset, RMSE, refined"] < 0.03
         assert of_run["path 2 s ahead, median, refined"] < 0.15
         assert of_run["path 2 s ahead, median, refined"] < of_run["path 2 s ahead, median, paper"]
