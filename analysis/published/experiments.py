@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from analysis.published import comparison
+
 EXPERIMENTS = {
     "simulation": "Z11 4.1: observer against the simulated vehicle, three runs; steady turn and gains of 3.2",
     "road": "Z11 4.2: three drives on a rendered road, place, motion and path 2 s ahead, both chains",
@@ -24,12 +26,12 @@ def reproduce(name: str, out: Path) -> pd.DataFrame:
     if name not in EXPERIMENTS:
         raise ValueError(f"experiment = {name!r}: known are {', '.join(EXPERIMENTS)}")
     module = importlib.import_module(f"analysis.published.{name.replace('-', '_')}")
-    comparison: pd.DataFrame = module.reproduce(out)
-    return comparison
+    table: pd.DataFrame = module.reproduce(out)
+    return table
 
 
 def reproduce_all(out: Path, names: tuple[str, ...] = tuple(EXPERIMENTS)) -> pd.DataFrame:
-    """Run the named ones, each into a folder of its own below `out`; write and give `comparison.csv`."""
+    """Run the named ones, each into a folder of its own below `out`; write `comparison.csv` and `.md`; give the table."""
     tables = []
     for name in names:
         one = reproduce(name, out / name)
@@ -37,4 +39,9 @@ def reproduce_all(out: Path, names: tuple[str, ...] = tuple(EXPERIMENTS)) -> pd.
         tables.append(one)
         whole = pd.concat(tables, ignore_index=True)
         whole.to_csv(out / "comparison.csv", index=False, float_format="%.6g")  # kept if the next one fails
+    pages = [
+        f"## {name}\n\n{EXPERIMENTS[str(name)]}\n\n{comparison.markdown(one)}\n"
+        for name, one in whole.groupby("experiment", sort=False)
+    ]
+    (out / "comparison.md").write_text("\n".join(pages), encoding="utf-8")
     return whole

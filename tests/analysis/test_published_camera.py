@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.linalg import expm
 
 from analysis.cli import main
@@ -18,7 +18,7 @@ from analysis.published import (
     search_times,
     simulation,
 )
-from analysis.published.experiments import EXPERIMENTS
+from analysis.published.experiments import EXPERIMENTS, reproduce_all
 from analysis.published.manoeuvre import drive, world_path
 from sumo_net.plain_road import PlainRoad, road_ahead
 from sumo_net.vehicle import Vehicle, single_track, steady_state
@@ -76,18 +76,9 @@ def test_plain_road_is_the_closed_form_where_there_is_one() -> None:
 
 
 def test_plain_road_turns_by_the_integral_of_its_curvature() -> None:
-    s = np.linspace(-100.0, 700.0, 8001)
-    summed = np.concatenate(
-        [
-            [0.0],
-            np.cumsum(
-                0.5 * np.diff(s) * (road_drives.ROAD.curvature(s)[1:] + road_drives.ROAD.curvature(s)[:-1])
-            ),
-        ]
-    )
-    np.testing.assert_allclose(
-        road_drives.ROAD.heading(s) - road_drives.ROAD.heading(s[0]), summed, atol=1e-6
-    )
+    made, s = road_drives.ROAD, np.linspace(-100.0, 700.0, 8001)
+    summed = cumulative_trapezoid(made.curvature(s), s, initial=0.0)
+    np.testing.assert_allclose(made.heading(s) - made.heading(s[0]), summed, atol=1e-6)
 
 
 # --- what the experiments find
@@ -176,6 +167,14 @@ def test_reproduce_lists_and_runs(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "0.000843" in capsys.readouterr().out
     assert (tmp_path / "correction.png").stat().st_size > 10_000
     assert len(pd.read_csv(tmp_path / "correction_comparison.csv")) == 9
+
+
+def test_reproduce_all_gathers(tmp_path: Path) -> None:
+    table = reproduce_all(tmp_path, ("correction", "simulation"))
+    assert list(table["experiment"].unique()) == ["correction", "simulation"]
+    assert len(pd.read_csv(tmp_path / "comparison.csv")) == len(table)
+    assert (tmp_path / "comparison.md").read_text().startswith("## correction")
+    assert (tmp_path / "simulation" / "simulation.png").exists()
 
 
 @pytest.mark.parametrize("words", [["reproduce"], ["reproduce", "immm"]])
