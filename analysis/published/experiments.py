@@ -31,7 +31,7 @@ def reproduce(name: str, out: Path) -> pd.DataFrame:
 
 
 def reproduce_all(out: Path, names: tuple[str, ...] = tuple(EXPERIMENTS)) -> pd.DataFrame:
-    """Run the named ones, each into a folder of its own below `out`; write `comparison.csv` and `.md`; give the table."""
+    """Run the named ones, each into a folder of its own below `out`; write and give the whole comparison."""
     tables = []
     for name in names:
         one = reproduce(name, out / name)
