@@ -49,11 +49,10 @@ def compare(curve: pd.DataFrame) -> pd.DataFrame:
     ]
     of_half = curve[curve["load"] == "half load"].set_index("speed_kmh")
     for kmh in SPEEDS_KMH:
-        f = of_half.loc[kmh]
-        name = f"f at {kmh:g} km/h"
-        rows.append(
-            comparison.row("half load", name, "", f["factor_of_steady_turn"], f["factor_printed"], "printed")
+        found, printed = (
+            float(of_half[column][kmh]) for column in ("factor_of_steady_turn", "factor_printed")
         )
+        rows.append(comparison.row("half load", f"f at {kmh:g} km/h", "", found, printed, "printed"))
     for load in ("empty", "full load"):
         f = curve[(curve["load"] == load) & (curve["speed_kmh"] == 80.0)].iloc[0]
         rows.append(comparison.row(load, "f at 80 km/h", "", f["factor_of_steady_turn"]))

@@ -81,7 +81,7 @@ def drive(
     here = np.array([curvature(s) for s in table[5]])
     ahead = np.array([curvature(s + PREVIEW_M) for s in table[5]])
     rate = np.array([(curvature(s + PREVIEW_M) - curvature(s)) / PREVIEW_M for s in table[5]])
-    return Drive(*table, here, ahead, rate)
+    return Drive._make([*table, here, ahead, rate])
 
 
 def looks(
@@ -148,9 +148,9 @@ def world_path(fine: Drive) -> tuple[Array, Array, Array]:
     Integrated by trapezoids over the rows: take a Drive with a row every 0.01 s. The start's heading is that
     against the road.
     """
-    heading = fine.heading_rad[0] + cumulative_trapezoid(fine.yaw_rate_rps, fine.time_s, initial=0.0)
+    heading = fine.heading_rad[0] + cumulative_trapezoid(fine.yaw_rate_rps, fine.time_s, initial=0)
     cos, sin = np.cos(heading), np.sin(heading)
     v, v_y = fine.speed_mps, fine.lateral_speed_mps
-    x = cumulative_trapezoid(v * cos - v_y * sin, fine.time_s, initial=0.0)
-    y = fine.offset_m[0] + cumulative_trapezoid(v * sin + v_y * cos, fine.time_s, initial=0.0)
+    x = cumulative_trapezoid(v * cos - v_y * sin, fine.time_s, initial=0)
+    y = fine.offset_m[0] + cumulative_trapezoid(v * sin + v_y * cos, fine.time_s, initial=0)
     return x, y, heading

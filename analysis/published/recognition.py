@@ -130,7 +130,7 @@ def _plot(path: Path, rate: pd.DataFrame) -> None:
         axes.bar_label(bars, fmt="%.1f")
     for k, (_, condition) in enumerate(groups):
         axes.hlines(
-            CONDITIONS[condition][1], k - 0.45, k + 0.45, "k", "--", label="published" if k == 0 else None
+            CONDITIONS[condition][1], k - 0.45, k + 0.45, "k", "--", label="published" if k == 0 else "_later"
         )
     axes.set_xticks(range(len(groups)), [f"{scenario}\n{condition}" for scenario, condition in groups])
     axes.set(ylabel="frames recognised in %", ylim=(0, 112))

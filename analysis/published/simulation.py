@@ -75,8 +75,8 @@ def truth_of(run: Run) -> tuple[Drive, list[LaneEstimate]]:
         run.vehicle, lambda *_: run.steer_rad, run.speed, duration_s=run.duration_s, each=1, fine_s=0.1 / FINE
     )
     t, v = fine.time_s, fine.speed_mps
-    heading = cumulative_trapezoid(fine.yaw_rate_rps - v * ROAD_1PM, t, initial=0.0)
-    offset = cumulative_trapezoid(v * heading + fine.lateral_speed_mps, t, initial=0.0)
+    heading = cumulative_trapezoid(fine.yaw_rate_rps - v * ROAD_1PM, t, initial=0)
+    offset = cumulative_trapezoid(v * heading + fine.lateral_speed_mps, t, initial=0)
     curvature = np.full(len(t), ROAD_1PM)
     fine = fine._replace(
         heading_rad=heading, offset_m=offset, curvature_1pm=curvature, preview_curvature_1pm=curvature
