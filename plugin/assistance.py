@@ -386,6 +386,7 @@ class DriverAssistance:
             "drift_mps": drift,
             "cause": truth.cause.astype(np.int64),
             "true_lateral_offset_m": truth.lane_offset_m,
+            "true_lane_width_m": truth.lane_width_m,
             "true_heading_error_rad": truth.lane_heading_rad,
             "true_curvature_1pm": curvature_ahead(ahead, self._preview_m),
             "true_curvature_here_1pm": truth.curvature_1pm,

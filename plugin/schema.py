@@ -95,6 +95,9 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("true_gap_m", "to the leader on SUMO's lane, bumper to bumper", decimals=3),
         Column("true_ttc_s", "true time to collision with it; empty where the gap opens", decimals=3),
         _flag("true_leader_visible", "it reaches into the lane driven in and is in the radar's view"),
+        Column("true_x_m", "centre of gravity in SUMO's network, east", decimals=3),
+        Column("true_y_m", "north", decimals=3),
+        Column("true_lane_width_m", "width of the marked lane it is in", decimals=3),
     ),
     "predictions": (
         _RUN,

@@ -199,6 +199,7 @@ class Scorer:
         columns: dict[str, Any] = {name: rows[name][order] for name in _STEP_COLUMNS if name in rows}
         columns["vehicle_id"] = self._vehicle_ids(rows["handle"][order])
         columns["true_cause"] = labelled(rows["cause"][order], CAUSES)
+        columns |= {"true_x_m": rows["x_m"][order], "true_y_m": rows["y_m"][order]}
         for name, labels in self._labels.items():
             columns[name] = labelled(columns[name], labels)
         for name in ("recognised", "paper_recognised"):
