@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
+from scipy.stats import bootstrap, chi2
 
 
 def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
@@ -30,3 +30,27 @@ def quantile(values: pd.Series, q: float) -> float:
     if values.empty:
         return float("nan")
     return float(np.quantile(values.to_numpy(), q, method="higher"))
+
+
+def clustered_share(rows: pd.DataFrame, column: str, resamples: int = 1000) -> tuple[float, float, float]:
+    """Share of True in `column`, with a 95 % bootstrap interval over (run, vehicle): frames of one are alike.
+
+    The interval is NaN for fewer than two vehicles, the share of no rows too.
+    """
+    per_vehicle = rows.groupby(["run_id", "vehicle_id"], observed=True)[column].agg(["sum", "count"])
+    hits, count = (per_vehicle[name].to_numpy(np.float64) for name in ("sum", "count"))
+    if not count.sum():
+        return float("nan"), float("nan"), float("nan")
+    share = float(hits.sum() / count.sum())
+    if len(count) < 2:
+        return share, float("nan"), float("nan")
+    interval = bootstrap(
+        (hits, count),
+        lambda total, number, axis: total.sum(axis=axis) / number.sum(axis=axis),
+        paired=True,
+        vectorized=True,
+        method="percentile",
+        n_resamples=resamples,
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return share, float(interval.low), float(interval.high)

@@ -60,7 +60,7 @@ class Recorder:
         if directory is not None:
             directory.mkdir(parents=True, exist_ok=True)
             for name, columns in tables.items():
-                schema = _arrow_schema(columns)
+                schema = arrow_schema(columns)
                 for suffix in ("csv", "parquet", "parquet.part"):  # of an earlier run
                     (directory / f"{name}.{suffix}").unlink(missing_ok=True)
                 if "csv" in formats:
@@ -88,7 +88,7 @@ class Recorder:
 
     def table(self, name: str) -> pd.DataFrame:
         """What has been recorded of one table so far."""
-        schema = _arrow_schema(self._schema[name])
+        schema = arrow_schema(self._schema[name])
         if self.directory is None:
             return to_pandas(pa.concat_tables([schema.empty_table(), *self._memory[name]]))
         for writer in self._writers[name]:
@@ -115,7 +115,7 @@ class Recorder:
                 arrays.append(pa.nulls(rows, _ARROW[column.kind]))
             else:
                 arrays.append(_to_array(column, columns[column.name]))
-        return pa.Table.from_arrays(arrays, schema=_arrow_schema(specification))
+        return pa.Table.from_arrays(arrays, schema=arrow_schema(specification))
 
 
 def read_table(directory: Path, name: str) -> pd.DataFrame:
@@ -127,7 +127,7 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
     if parquet.exists():
         return to_pandas(pa.parquet.read_table(parquet))
     if csv.exists():
-        schema = _arrow_schema(TABLES[name])
+        schema = arrow_schema(TABLES[name])
         options = pa.csv.ConvertOptions(
             column_types={field.name: field.type for field in schema}, strings_can_be_null=True
         )
@@ -193,7 +193,8 @@ def _csv_rows(table: pa.Table, quoting_style: str) -> bytes:
     return rows.getvalue()
 
 
-def _arrow_schema(columns: tuple[Column, ...]) -> pa.Schema:
+def arrow_schema(columns: tuple[Column, ...]) -> pa.Schema:
+    """The Arrow types of a table's columns."""
     return pa.schema([(column.name, _ARROW[column.kind]) for column in columns])
 
 

@@ -1,0 +1,1 @@
+"""Figures from tables, for notebooks, the command `plot` and the report page."""

@@ -1,0 +1,259 @@
+"""Figures of a campaign, from the CSV files of its report."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from analysis.plots.run import PREDICTORS, words
+from analysis.plots.style import BLUE, GREY, SERIES, VERMILLION, nothing, sheet, styled
+from plugin.truth import HORIZONS_S
+
+RATES = {
+    "departures": "departures",
+    "departures_missed": "departures missed",
+    "warnings_false": "false lane warnings",
+    "warnings_nuisance": "nuisance lane warnings",
+    "conflicts": "rear-end conflicts",
+    "fcw_danger_false": "false danger warnings",
+}
+SHARES = {
+    "departures_warned": "departures warned",
+    "conflicts_due_warned": "conflicts warned",
+    "recognised": "lane recognised",
+    "paper_recognised": "… by the published search",
+}
+GREATEST_CELLS = 24  # more rows are not legible
+
+
+def cell_names(table: pd.DataFrame, other: tuple[str, ...]) -> "pd.Series[str]":
+    """What tells the cells apart, from the columns of the grid (those between `cell` and `other`)."""
+    grid = []
+    for column in table.columns[1:]:
+        if column in other:
+            break
+        grid.append(column)
+    short = {column: column.rsplit(".", 1)[-1].replace("_", " ") for column in grid}
+
+    def name(row: "pd.Series[object]") -> str:
+        if str(row["cell"]) == "all":
+            return "all"
+        parts = [f"{short[c]} {row[c]}" for c in grid if pd.notna(row[c])]
+        return ", ".join(parts) or f"cell {row['cell']}"
+
+    return table.apply(name, axis=1) if len(table) else pd.Series(dtype=str)
+
+
+@styled
+def rates(table: pd.DataFrame) -> Figure:
+    """Events per 100 km by cell with exact Poisson intervals, from rates.csv."""
+    if table.empty or "figure" not in table.columns:
+        figure, axes = sheet(1, 1, 2.0)
+        nothing(axes, "no run has been finished")
+        return figure
+    return _intervals(
+        table.assign(
+            value=table["per_100km"], low=table["per_100km_poisson_low"], high=table["per_100km_poisson_high"]
+        ),
+        RATES,
+        "per 100 km",
+    )
+
+
+@styled
+def shares(table: pd.DataFrame) -> Figure:
+    """Departures and conflicts warned, lanes recognised, by cell with Wilson's intervals, from shares.csv."""
+    if table.empty or "share" not in table.columns:
+        figure, axes = sheet(1, 1, 2.0)
+        nothing(axes, "nothing has been counted of which there is a share")
+        return figure
+    scaled = table.assign(value=100 * table["share"], low=100 * table["low"], high=100 * table["high"])
+    return _intervals(scaled, SHARES, "%")
+
+
+def _intervals(table: pd.DataFrame, figures: dict[str, str], unit: str) -> Figure:
+    table = table.assign(name=cell_names(table, ("figure",)))
+    shown = [name for name in figures if table.loc[table["figure"] == name, "value"].notna().any()]
+    names = list(dict.fromkeys(table["name"]))[:GREATEST_CELLS]
+    if not shown:
+        figure, axes = sheet(1, 1, 2.0)
+        nothing(axes, "no events")
+        return figure
+    rows = (len(shown) + 1) // 2
+    height = rows * (0.75 + 0.22 * len(names))
+    figure, grid = sheet(rows, 2, max(height, 2.2), width_in=7.0, sharey=True, squeeze=False)
+    for axes in grid.flat[len(shown) :]:
+        axes.set_axis_off()
+    for name, axes in zip(shown, grid.flat, strict=False):
+        part = table[table["figure"] == name].set_index("name").reindex(names)
+        reach = [part["value"] - part["low"], part["high"] - part["value"]]
+        colours = [BLUE if label != "all" else VERMILLION for label in names]
+        for k, (value, colour) in enumerate(zip(part["value"], colours, strict=True)):
+            error = [[max(reach[0].iloc[k], 0.0)], [max(reach[1].iloc[k], 0.0)]]
+            marker = "o" if colour == BLUE else "D"
+            axes.errorbar(value, k, xerr=np.nan_to_num(error), fmt=marker, color=colour, capsize=3)
+        axes.set_title(f"{figures[name]}, {unit}")
+        axes.set_yticks(range(len(names)), names)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        if unit == "%":
+            axes.set_xlim(None, min(101.0, axes.get_xlim()[1]))
+        else:
+            axes.set_xlim(0.0, None)
+    return figure
+
+
+@styled
+def times(table: pd.DataFrame, figure_name: str) -> Figure:
+    """Distribution of a time by cell, from times.csv: true_tlc, true_ttc, ldw_lead_time, conflict_lead_time …"""
+    figure, axes = sheet(1, 1, 3.4)
+    part = table[table["figure"] == figure_name] if "figure" in table.columns else table
+    if figure_name == "true_tlc" and len(part):
+        part = part[part["up_to_s"] > 0.0]  # 0: already outside
+    if part.empty:
+        nothing(axes, "no such time was counted")
+        return figure
+    part = part.assign(name=cell_names(part, ("figure",)))
+    names = [name for name in dict.fromkeys(part["name"]) if name != "all"][: len(SERIES)] or ["all"]
+    for name, (colour, dashes, _) in zip(names, SERIES, strict=False):
+        rows = part[part["name"] == name].sort_values("up_to_s")
+        share = 100.0 * rows["count"].cumsum() / rows["count"].sum()
+        axes.step(
+            rows["up_to_s"],
+            share,
+            where="post",
+            color=colour,
+            linestyle=dashes,
+            label=f"{name} (n = {rows['count'].sum()})",
+        )
+    axes.set(xlabel=f"{words(figure_name)} in s", ylabel="at or below, in %", ylim=(0.0, 101.0))
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=1)
+    return figure
+
+
+@styled
+def prediction(table: pd.DataFrame) -> Figure:
+    """Lateral prediction error by horizon over all cells, from predictions.csv."""
+    figure, (left, right) = sheet(1, 2, 3.5)
+    part = table[table["cell"].astype(str) == "all"] if "cell" in table.columns else table
+    if part.empty or "predictor" not in part.columns or not part["count"].sum():
+        right.set_axis_off()
+        nothing(left, "no prediction was made")
+        return figure
+    for (name, label), (colour, dashes, marker) in zip(PREDICTORS.items(), SERIES, strict=False):
+        rows = part[part["predictor"] == name].sort_values("horizon_s")
+        for axes, column in ((left, "median_m"), (right, "p95_m")):
+            axes.plot(
+                rows["horizon_s"],
+                100.0 * rows[column],
+                color=colour,
+                linestyle=dashes,
+                marker=marker,
+                markersize=4,
+                label=label,
+            )
+    left.set(title="median", ylabel="lateral error in cm")
+    right.set(title="95th percentile")
+    for axes in (left, right):
+        axes.set(xlabel="horizon in s", xticks=HORIZONS_S, ylim=(0.0, None))
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, handlelength=2.6)
+    return figure
+
+
+@styled
+def roc(tables: dict[str, pd.DataFrame]) -> Figure:
+    """Share of events warned against false warnings per 100 km over the threshold, from sweep_KIND.csv."""
+    figure, both = sheet(1, 2, 3.4, width_in=7.0, squeeze=False)
+    titles = {"ldw": "departures", "fcw": "conflicts"}
+    for axes, (kind, what), (colour, dashes, marker) in zip(both.flat, titles.items(), SERIES, strict=False):
+        table = tables.get(kind, pd.DataFrame())
+        if table.empty or "hit_rate" not in table.columns:
+            nothing(axes, f"no threshold sweep:\nsumo-adas sweep DIR --kind {kind}")
+            continue
+        unwanted = table["false_per_100km"] + table["nuisance_per_100km"]
+        axes.plot(
+            unwanted,
+            100 * table["hit_rate"],
+            color=colour,
+            linestyle=dashes,
+            marker=marker,
+            markersize=4,
+            label="false + nuisance",
+        )
+        axes.plot(
+            table["false_per_100km"],
+            100 * table["hit_rate"],
+            color=GREY,
+            linestyle=":",
+            marker=".",
+            label="false alone",
+        )
+        for row in table.iloc[:: max(len(table) // 5, 1)].itertuples():
+            at = (row.false_per_100km + row.nuisance_per_100km, 100 * row.hit_rate)
+            axes.annotate(f"{row.threshold_s:g} s", at, (4, -10), textcoords="offset points", fontsize=8)  # type: ignore[arg-type]
+        axes.set(
+            title=f"{what} warned in % of {table['events'].max()}",
+            xlabel="unwanted warnings per 100 km",
+            ylim=(-3, 104),
+        )
+        axes.legend(loc="lower right")
+    return figure
+
+
+@styled
+def benefit(table: pd.DataFrame) -> Figure:
+    """What drivers who heed the warnings avoid, a run, with the bootstrap's interval over pairs, from benefit.csv."""
+    if table.empty or "avoided_per_run" not in table.columns:
+        figure, axes = sheet(1, 1, 2.0)
+        nothing(axes, "no pair of cells with reaction.on false and true")
+        return figure
+    labels = []
+    for row in table.to_dict("records"):
+        grid = [f"{k.rsplit('.', 1)[-1]} {v}" for k, v in row.items() if k in _before(table, "figure")]
+        labels.append("\n".join([words(str(row["figure"])), *grid]))
+    figure, axes = sheet(1, 1, max(2.0, 0.6 + 0.5 * len(table)), width_in=6.0)
+    value = table["avoided_per_run"]
+    reach = np.nan_to_num(
+        [value - table["avoided_per_run_low"], table["avoided_per_run_high"] - value]
+    ).clip(0.0)
+    axes.errorbar(value, range(len(table)), xerr=reach, fmt="o", color=BLUE, capsize=3)
+    for k, row in enumerate(table.itertuples()):
+        axes.annotate(
+            f"{row.avoided} of {row.without}",
+            (float(value.iloc[k]), k),
+            (0, 7),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+        )
+    axes.axvline(0.0, color=GREY, linewidth=1)
+    axes.set_yticks(range(len(table)), labels)
+    axes.set_ylim(len(table) - 0.5, -0.6)
+    axes.set_xlabel("avoided a run")
+    return figure
+
+
+def _before(table: pd.DataFrame, column: str) -> list[str]:
+    return list(table.columns[: list(table.columns).index(column)])
+
+
+@styled
+def error_times(table: pd.DataFrame) -> Figure:
+    """Errors of the times to crossing and collision by cell, from accuracy.csv: median and 95th percentile."""
+    figure, axes = sheet(1, 1, 2.6)
+    names = {"tlc_error": "TLC", "tlc_true_state_error": "TLC from the true state", "ttc_error": "TTC"}
+    wanted = [f"{name}_{end}_s" for name in names for end in ("median", "p95")]
+    part = table[table["cell"].astype(str) == "all"] if "cell" in table.columns else table
+    if part.empty or not set(wanted) <= set(part.columns):
+        nothing(axes, "no times were counted")
+        return figure
+    row = part.iloc[0]
+    for k, name in enumerate(names):
+        median, p95 = float(row[f"{name}_median_s"]), float(row[f"{name}_p95_s"])
+        if np.isfinite(median):
+            axes.plot([median, p95 if np.isfinite(p95) else median], [k, k], color=BLUE)
+            axes.plot(median, k, "o", color=BLUE, label="median" if k == 0 else None)
+            axes.plot(p95, k, "|", color=VERMILLION, markersize=12, label="95th percentile" if k == 0 else None)
+    axes.set_yticks(range(len(names)), list(names.values()))
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlabel("error in s")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.25), ncols=2)
+    return figure

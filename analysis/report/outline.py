@@ -1,0 +1,60 @@
+"""The road behind a run as lines for a map: lane borders of its network file, or nothing where that is not known."""
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.report.reading import RunTables
+from plugin.configuration import configuration_from
+from sumo_net.configuration import read_configuration
+from sumo_net.lane_graph import NetworkError
+from sumo_net.lane_graph import read as read_lane_graph
+from sumo_net.network import BuildError, build
+from sumo_net.settings import SettingsError
+
+Array = np.ndarray[Any, Any]
+
+MARGIN_M = 150.0  # so far around the driven paths the network is shown
+MOST_POINTS = 30_000  # more would make the page heavy; the outline is then left out
+
+
+def outline(run: RunTables) -> list[Array]:
+    """(N, 2) lane centre lines in the coordinates of `true_x_m`, near the driven paths.
+
+    What cannot be had (no settings, a network file that is gone) is noted in the run's notes, and empty.
+    """
+    steps = run["steps"]
+    x, y = steps["true_x_m"].dropna(), steps["true_y_m"].dropna()
+    if x.empty:
+        return []
+    if not run.settings:
+        run.notes.append("Without configuration.json the network is not known: the map shows driven paths alone")
+        return []
+    try:
+        with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
+            lanes = _lanes(run.settings, Path(work))
+    except (SettingsError, BuildError, NetworkError, OSError, ValueError, KeyError) as error:
+        run.notes.append(f"The network cannot be shown ({error}): the map shows driven paths alone")
+        return []
+    low = np.array([x.min(), y.min()]) - MARGIN_M
+    high = np.array([x.max(), y.max()]) + MARGIN_M
+    near = [line for line in lanes if ((line >= low) & (line <= high)).all(axis=1).any()]
+    if sum(len(line) for line in near) > MOST_POINTS:
+        run.notes.append("The network is too large for the page: the map shows driven paths alone")
+        return []
+    return near
+
+
+def _lanes(settings: Mapping[str, Any], work: Path) -> list[Array]:
+    configuration = configuration_from(settings, "configuration.json")
+    if configuration.configuration:
+        file = Path(read_configuration(Path(configuration.configuration), work)["net-file"])
+    elif configuration.net_file:
+        file = Path(configuration.net_file)
+    else:
+        file = build(configuration.highway, work).net_file
+    graph = read_lane_graph(Path(file))
+    return [lane.shape for lane in graph.lanes.values() if lane.drivable]

@@ -1,0 +1,132 @@
+"""What the drive viewer draws: pictures of a drive at a rate that fits the page, and the numbers drawn over them."""
+
+import base64
+from typing import Any
+
+import cv2
+import numpy as np
+
+from analysis.drive import Drive
+from camera_synth.camera import HEIGHT_PX, WIDTH_PX, projection
+from analysis.overlay import path_in_image
+from analysis.report.reading import json_ready
+
+Array = np.ndarray[Any, Any]
+
+PICTURES_BYTES = 6_000_000  # of all drives on a page, before base64
+JPEG_QUALITY = 50
+_RATES = (1, 2, 3, 4, 5, 10, 20)  # every so many steps a picture
+_BORDER_POINTS, _ROAD_POINTS, _PATH_POINTS = 16, 12, 10
+_AHEAD_M = 160.0
+
+
+def viewer_data(drive: Drive, most_bytes: int = PICTURES_BYTES) -> dict[str, Any]:
+    """The drive as the page's script takes it; at least every 20th step, however small `most_bytes`."""
+    every = _every(drive.frames, most_bytes)
+    shown = range(0, len(drive.time_s), every)
+    by_time = dict(tuple(drive.tracks.groupby(drive.tracks["time_s"].round(2))))
+    return {
+        "vehicle": drive.vehicle_id,
+        "every": every,
+        "width": WIDTH_PX,
+        "height": HEIGHT_PX,
+        "steps": [_step(drive, i, by_time.get(round(float(drive.time_s[i]), 2))) for i in shown],
+        "notes": list(drive.notes),
+    }
+
+
+def _every(frames: Array, most_bytes: int) -> int:
+    """The least reduction with which the pictures fit."""
+    sample = frames[np.linspace(0, len(frames) - 1, min(len(frames), 12)).astype(int)]
+    mean = sum(len(_jpeg(frame)) for frame in sample) / max(len(sample), 1)
+    for every in _RATES:
+        if mean * len(frames) / every <= most_bytes:
+            return every
+    return _RATES[-1]
+
+
+def _jpeg(frame: Array) -> bytes:
+    _, data = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return data.tobytes()
+
+
+def _step(drive: Drive, i: int, tracks: Any) -> dict[str, Any]:
+    row = drive.steps.iloc[i]
+    return {
+        "time": round(float(drive.time_s[i]), 2),
+        "picture": base64.b64encode(_jpeg(drive.frames[i])).decode(),
+        "borders": [_border(drive, i, side) for side in (0, 1)],
+        "path": _path_px(drive, i),
+        "ground": _points(drive.path_m[i], _PATH_POINTS),
+        "road": _road(drive, i),
+        "bodies": [_rounded(body, (1, 1, 2, 1, 1)) for body in drive.bodies_m[i] if np.isfinite(body).all()],
+        "tracks": [] if tracks is None else [_track(one) for one in tracks.itertuples()],
+        "speed": _number(row["speed_mps"], 1),
+        "offset": _number(row["lateral_offset_m"], 2),
+        "tlc": _number(row["tlc_s"], 2),
+        "side": _text(row["tlc_side"]),
+        "lane": _text(row["ldw_state"]),
+        "rear": _text(row["fcw_state"]),
+        "ttc": _number(row["fcw_ttc_s"], 1),
+        "gap": _number(row["fcw_gap_m"], 1),
+    }
+
+
+def _border(drive: Drive, i: int, side: int) -> list[list[float]]:
+    """Column and row, down from the top, of the border where it was seen."""
+    columns, rows = drive.border_px[i, side], drive.border_rows
+    seen = np.flatnonzero(np.isfinite(columns) & (columns > -WIDTH_PX) & (columns < 2 * WIDTH_PX))
+    if not len(seen):
+        return []
+    chosen = seen[np.unique(np.linspace(0, len(seen) - 1, _BORDER_POINTS).astype(int))]
+    return [[round(float(columns[k]) + 0.5, 1), round(HEIGHT_PX - 0.5 - float(rows[k]), 1)] for k in chosen]
+
+
+def _path_px(drive: Drive, i: int) -> list[list[float]]:
+    points = path_in_image(drive.path_m[i, :, 0], drive.path_m[i, :, 1], projection(drive.camera))
+    fits = points[np.isfinite(points).all(axis=1) & (np.abs(points) < 4 * WIDTH_PX).all(axis=1)]
+    return [[round(float(x) + 0.5, 1), round(HEIGHT_PX - 0.5 - float(y), 1)] for x, y in fits]
+
+
+def _points(path: Array, most: int) -> list[list[float]]:
+    known = path[np.isfinite(path).all(axis=1)]
+    if not len(known):
+        return []
+    chosen = known[np.unique(np.linspace(0, len(known) - 1, most).astype(int))]
+    return [_rounded(point, (1, 2)) for point in chosen]
+
+
+def _road(drive: Drive, i: int) -> list[list[Any]]:
+    """[kind, points] of the painted lines ahead."""
+    found = []
+    for line, kind in zip(drive.road_m[i], drive.road_kind[i], strict=True):
+        known = np.isfinite(line).all(axis=1) & (line[:, 0] > -20.0) & (line[:, 0] < _AHEAD_M) & (kind > 0)
+        if known.sum() > 1:
+            found.append([int(kind[known][0]), _points(line[known], _ROAD_POINTS)])
+    return found
+
+
+def _track(track: Any) -> dict[str, Any]:
+    return {
+        "id": int(track.track_id),
+        "x": _number(track.x_m, 1),
+        "y": _number(track.y_m, 1),
+        "vx": _number(track.vx_mps, 1),
+        "class": _text(track.motion_state),
+        "inPath": bool(track.in_path) if json_ready(track.in_path) is not None else False,
+        "measured": bool(track.measured) if json_ready(track.measured) is not None else False,
+        "ttc": _number(track.ttc_s, 1),
+    }
+
+
+def _rounded(values: Array, decimals: tuple[int, ...]) -> list[float]:
+    return [round(float(value), d) for value, d in zip(values, decimals, strict=True)]
+
+
+def _number(value: Any, decimals: int) -> float | None:
+    value = json_ready(value)
+    return None if value is None else round(float(value), decimals)
+
+
+def _text(value: Any) -> str:
+    return str(json_ready(value) or "")
