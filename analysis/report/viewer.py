@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 
 from analysis.drive import Drive
-from camera_synth.camera import HEIGHT_PX, WIDTH_PX, projection
 from analysis.overlay import path_in_image
 from analysis.report.reading import json_ready
+from camera_synth.camera import HEIGHT_PX, WIDTH_PX, projection
 
 Array = np.ndarray[Any, Any]
 
@@ -28,11 +28,22 @@ def viewer_data(drive: Drive, most_bytes: int = PICTURES_BYTES) -> dict[str, Any
     return {
         "vehicle": drive.vehicle_id,
         "every": every,
+        "start": _start(drive),
         "width": WIDTH_PX,
         "height": HEIGHT_PX,
         "steps": [_step(drive, i, by_time.get(round(float(drive.time_s[i]), 2))) for i in shown],
-        "notes": list(drive.notes),
+        "notes": [f"A picture every {every / 10:g} s", *drive.notes],
     }
+
+
+def _start(drive: Drive) -> float:
+    """Where the viewer opens: shortly before the first departure or warning."""
+    meant = drive.departures[drive.departures["cause"] != "lane_change_signalled"]
+    lane = drive.warnings[drive.warnings["kind"] == "ldw"]
+    for moments in (meant["crossing_s"], lane["start_s"], drive.warnings["start_s"]):
+        if len(moments):
+            return round(float(moments.min()) - 0.5, 2)
+    return round(float(drive.time_s[0]), 2)
 
 
 def _every(frames: Array, most_bytes: int) -> int:

@@ -1,0 +1,80 @@
+"""The page as one HTML file: template, style, scripts, data. Nothing in it asks a network for anything.
+
+What a scenario or a vehicle's id says is data: Jinja escapes it in the markup, JSON's `<`, `>`, `&` and `'` are
+written as \\u003c and so on, and the page's own content security policy runs no script but the ones put in here.
+"""
+
+import base64
+import hashlib
+import json
+import os
+from importlib import resources
+from pathlib import Path
+
+import jinja2
+from markupsafe import Markup
+
+from analysis.report.cards import Page
+from analysis.report.reading import ReportError, json_ready
+
+_FOLDER = resources.files("analysis.report") / "templates"
+
+
+def render(page: Page, made_with: str = "") -> str:
+    """The whole HTML text."""
+    scripts = []
+    if page.scene:
+        from plotly.offline import get_plotlyjs
+
+        scripts += [get_plotlyjs(), _own("scene.js")]
+    if page.drives:
+        scripts.append(_own("viewer.js"))
+    scripts.append(_own("ready.js"))
+    data = {"scene": page.scene} if page.scene else {}
+    data |= {f"drive-data-{number}": drive for number, drive in enumerate(page.drives)}
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, keep_trailing_newline=True
+    )
+    return environment.from_string(_own("page.html.j2")).render(
+        page=page,
+        made_with=made_with,
+        style=Markup(_own("style.css")),
+        scripts=[Markup(script) for script in scripts],
+        data={name: safe_json(content) for name, content in data.items()},
+        policy=_policy(scripts),
+    )
+
+
+def write_html(page: Page, out: Path, made_with: str = "") -> Path:
+    """Write the page, whole or not at all. Raises ReportError where that cannot be done."""
+    text = render(page, made_with)
+    part = out.with_name(out.name + ".part")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="utf-8", errors="replace", newline="\n")
+        os.replace(part, out)
+    except OSError as error:
+        raise ReportError(f"{out}: cannot be written ({error.strerror})") from None
+    return out
+
+
+def safe_json(content: object) -> Markup:
+    """JSON that can stand in a <script>: no text in it can end that, or begin anything else."""
+    text = json.dumps(json_ready(content), separators=(",", ":"), allow_nan=False)  # ASCII: U+2028 is escaped
+    for character in "<>&'":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Markup(text)
+
+
+def _policy(scripts: list[str]) -> str:
+    """Only these scripts run; pictures come from the page itself; nothing else is fetched."""
+    digests = [hashlib.sha256(script.encode()).digest() for script in scripts]
+    allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _own(name: str) -> str:
+    return (_FOLDER / name).read_text(encoding="utf-8")

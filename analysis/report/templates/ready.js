@@ -1,0 +1,1 @@
+document.documentElement.dataset.ready = "yes"; // what draws has been run
