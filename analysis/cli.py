@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from analysis.commands import campaigns, drives, protocols, recordings, simulation, studies
+from analysis.commands import campaigns, drives, pictures, protocols, recordings, simulation, studies
 from analysis.commands.common import errors
 
 app = typer.Typer(
@@ -52,6 +52,8 @@ app.command()(drives.video)
 app.command()(recordings.detect)
 app.command()(recordings.calibrate)
 app.command()(recordings.track)
+app.command(short_help="Write one HTML page that shows what a directory holds.")(pictures.report)
+app.command(short_help="Draw one figure of what a directory holds.")(pictures.plot)
 app.command()(studies.reproduce)
 app.command(short_help="Drive a test protocol of the industry; status 0 when it passes.")(protocols.protocol)
 app.command(short_help="Measure accuracy over many seeds against the stated targets.")(studies.evaluate)

@@ -1,31 +1,94 @@
-"""Figures of the three published sources, drawn from what `sumo-adas reproduce` computes."""
+"""Figures of the three published sources, drawn from the curves that `sumo-adas reproduce` writes."""
 
-import dataclasses
+from collections.abc import Iterable
+from typing import Any
 
-import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
-from analysis.plots.style import GREY, SERIES, sheet, styled
-from analysis.published.adaptive import FILTERS, TOLD
-from analysis.published.imm import PHASES
-from sumo_net.vehicle import Vehicle
+from analysis.plots.style import BLACK, GREY, ORANGE, SERIES, SKY, VERMILLION, sheet, styled
 
-LOADS_KG = {"empty": 960.0, "half load": 1215.0, "full load": 1460.0}
+LANE_M = 3.75  # of the road that the road runs drive on
+_STEADY_CASES = {
+    "known": "R known",
+    "too_small": "told R/25",
+    "too_large": "told 25 R",
+    "changing": "R grows ninefold",
+}
+_FILTERS = {
+    "fixed": "fixed R",
+    "adaptive": "adaptive, safe form",
+    "patent_r": "as published, adapting R",
+    "patent": "as published, adapting Q and R",
+}
+_MANOEUVRE_S = 10.0
+_CHAINS = {"paper": ("published chain", VERMILLION, "--"), "refined": ("default chain", ORANGE, "-.")}
 
 
 @styled
-def correction_factor(vehicle: Vehicle | None = None) -> Figure:
-    """The factor f = 1 + K_u v²/L from the kinematic to the dynamic front-wheel angle, over speed and load."""
-    vehicle = vehicle or Vehicle()
+def correction(curve: pd.DataFrame) -> Figure:
+    """The factor f from the kinematic to the dynamic front-wheel angle, over speed and load (Z11 figure 13)."""
     figure, axes = sheet(1, 1, 3.4)
-    speed_kmh = np.linspace(0.0, 130.0, 131)
-    for (label, mass_kg), (colour, dashes, _) in zip(LOADS_KG.items(), SERIES, strict=False):
-        loaded = dataclasses.replace(vehicle, mass_kg=mass_kg)
-        factor = 1.0 + loaded.understeer * np.square(speed_kmh / 3.6) / loaded.wheelbase_m
-        axes.plot(speed_kmh, factor, color=colour, linestyle=dashes, label=f"{label}, {mass_kg:.0f} kg")
-    axes.set(xlabel="speed in km/h", ylabel="correction factor f", xlim=(0, 130), ylim=(1.0, None))
+    for (load, part), (colour, dashes, _) in zip(curve.groupby("load", sort=False), SERIES, strict=False):
+        axes.plot(part["speed_kmh"], part["factor"], color=colour, linestyle=dashes, label=str(load))
+    printed = curve.dropna(subset="factor_printed").iloc[9::10]
+    axes.plot(printed["speed_kmh"], printed["factor_printed"], "k+", label="printed, half load")
+    axes.set(xlabel="speed in km/h", ylabel="correction factor f", xlim=(0, 150), ylim=(1.0, None))
     axes.legend(loc="upper left")
+    return figure
+
+
+@styled
+def observer(curve: pd.DataFrame) -> Figure:
+    """Yaw rate and lateral speed of the simulated vehicle and of the observers (Z11 figures 14 to 16)."""
+    runs = list(curve["run"].unique())
+    figure, grid = sheet(2, len(runs), 5.2, width_in=9.6, sharex="col", squeeze=False)
+    names: list[str] = list(curve["observer"].unique())
+    for column, run in enumerate(runs):
+        of_run = curve[curve["run"] == run]
+        first = of_run[of_run["observer"] == of_run["observer"].iloc[0]]
+        for axes, value in zip(grid[:, column], ("yaw_rate_rps", "lateral_speed_mps"), strict=True):
+            axes.plot(first["time_s"], first[f"true_{value}"], color=SKY, linewidth=4, label="simulated vehicle")
+            for name in names:
+                part = of_run[of_run["observer"] == name]
+                colour, dashes, _ = SERIES[(1 + names.index(name)) % len(SERIES)]
+                if len(part):
+                    label = name.replace("paper", "published observer").replace("refined", "default observer")
+                    axes.plot(part["time_s"], part[value], color=colour, linestyle=dashes, label=label)
+        grid[0, column].set_title(run)
+        grid[1, column].set_xlabel("time in s")
+    grid[0, 0].set_ylabel("yaw rate γ in rad/s")
+    grid[1, 0].set_ylabel("lateral speed v_y in m/s")
+    _shared_legend(figure, grid[0])
+    return figure
+
+
+@styled
+def road(steps: pd.DataFrame, paths: pd.DataFrame) -> Figure:
+    """Borders, true and observed place, and the path 2 s ahead, of the road runs (Z11 figures 17 to 19)."""
+    runs = list(steps["run"].unique())
+    figure, grid = sheet(2, len(runs), 5.4, width_in=9.6, squeeze=False)
+    for column, run in enumerate(runs):
+        place, ahead = grid[0, column], grid[1, column]
+        first = steps[(steps["run"] == run) & (steps["car"] == 0)]
+        truth = first[first["chain"] == first["chain"].iloc[0]]
+        for border, label in ((0.5, "lane borders"), (-0.5, None)):
+            place.axhline(border * LANE_M, color=BLACK, linewidth=1.4, label=label)
+        place.plot(truth["time_s"], truth["true_lateral_offset_m"], color=SKY, linewidth=4, label="driven")
+        driven = paths[(paths["run"] == run) & (paths["path"] == "driven")]
+        ahead.plot(driven["forward_m"], driven["left_m"], color=SKY, linewidth=4)
+        for chain, (label, colour, dashes) in _CHAINS.items():
+            seen = first[first["chain"] == chain]
+            place.plot(seen["time_s"], seen["lateral_offset_m"], color=colour, linestyle=dashes, label=label)
+            path = paths[(paths["run"] == run) & (paths["path"] == chain)]
+            ahead.plot(path["forward_m"], path["left_m"], color=colour, linestyle=dashes)
+        place.set(title=run, xlabel="time in s", ylim=(-2.4, 2.4))
+        ahead.set(xlabel="ahead in m")
+    grid[0, 0].set_ylabel("left of lane centre in m:\ndriven and observed")
+    grid[1, 0].set_ylabel("left in m: driven in the\nnext 2 s and predicted")
+    _shared_legend(figure, grid[0])
     return figure
 
 
@@ -46,42 +109,48 @@ def imm(curve: pd.DataFrame) -> Figure:
         axes.set_ylabel(label)
         axes.set_ylim(0.0, None)
     part = curve[curve["filter"] == "imm"]
-    all_axes[-1].plot(part["time_s"], part["probability_cv"], color=SERIES[2][0])
+    all_axes[-1].plot(part["time_s"], part["probability_cv"], color=SERIES[2][0], linestyle=SERIES[2][1])
     all_axes[-1].set(xlabel="time in s", ylabel="mean probability\nof constant velocity", ylim=(0.0, 1.0))
     for axes in all_axes:
-        axes.axvline(PHASES["manoeuvre"][0], color=GREY, linewidth=1)
-    all_axes[0].annotate("manoeuvre begins", (PHASES["manoeuvre"][0], 0.9), (-4, 0), ha="right",
-                         xycoords=("data", "axes fraction"), textcoords="offset points")  # fmt: skip
-    figure.legend(*all_axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        axes.axvline(_MANOEUVRE_S, color=GREY, linewidth=1)
+    all_axes[0].annotate(
+        "manoeuvre begins",
+        (_MANOEUVRE_S, 0.9),
+        (-4, 0),
+        ha="right",
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+    )
+    _shared_legend(figure, all_axes[:1])
     return figure
 
 
 @styled
 def adaptive(curve: pd.DataFrame) -> Figure:
-    """RMSE of the speed over ground and the R found over the true one, by what the filters were told."""
-    figure, grid = sheet(2, len(TOLD), 4.8, width_in=9.0, sharex=True, sharey="row")
-    titles = {
-        "known": "R known",
-        "too_small": "told R/25",
-        "too_large": "told 25 R",
-        "changing": "R grows ninefold",
-    }
-    for column, case in enumerate(TOLD):
-        for name, (colour, dashes, _) in zip(FILTERS, SERIES, strict=False):
+    """RMSE of the speed over ground, and the R found over the true one, by what the filters were told."""
+    figure, grid = sheet(2, len(_STEADY_CASES), 4.8, width_in=9.6, sharex=True, sharey="row")
+    for column, (case, title) in enumerate(_STEADY_CASES.items()):
+        for (name, label), (colour, dashes, _) in zip(_FILTERS.items(), SERIES, strict=False):
             part = curve[(curve["case"] == case) & (curve["filter"] == name)]
             if part.empty:  # every run diverged
                 continue
-            label = name.replace("_", ", adapting ").replace("patent, adapting r", "patent, adapting R")
             style = {"color": colour, "linestyle": dashes, "label": label}
             grid[0, column].plot(part["time_s"], part["rmse_vx_mps"], **style)
             grid[1, column].plot(part["time_s"], part["r_ratio_v"].clip(lower=1e-2), **style)
-        grid[0, column].set(title=titles[case], ylim=(0.0, 1.5))
+        grid[0, column].set(title=title, ylim=(0.0, 1.5))
         grid[1, column].set(xlabel="time in s", yscale="log", ylim=(1e-2, 1e2))
+        grid[1, column].yaxis.set_major_formatter("{x:g}")
+        grid[1, column].yaxis.set_minor_formatter(NullFormatter())
     grid[0, 0].set_ylabel("RMSE of ẋ in m/s,\nruns not diverged")
     grid[1, 0].set_ylabel("mean R of v_r\nover the true one")
-    found: dict[str, object] = {}
-    for axes in grid[0]:
+    _shared_legend(figure, grid[0])
+    return figure
+
+
+def _shared_legend(figure: Figure, all_axes: Iterable[Axes]) -> None:
+    """One legend below for what any of the axes shows."""
+    found: dict[str, Any] = {}
+    for axes in all_axes:
         handles, labels = axes.get_legend_handles_labels()
         found |= dict(zip(labels, handles, strict=True))
-    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=4)
-    return figure
+    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=3, handlelength=3)

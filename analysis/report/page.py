@@ -22,14 +22,14 @@ _FOLDER = resources.files("analysis.report") / "templates"
 
 def render(page: Page, made_with: str = "") -> str:
     """The whole HTML text."""
-    scripts = []
+    library, scripts = "", []
+    if page.drives:
+        scripts.append(_own("viewer.js"))
     if page.scene:
         from plotly.offline import get_plotlyjs
 
-        scripts += [get_plotlyjs(), _own("scene.js")]
-    if page.drives:
-        scripts.append(_own("viewer.js"))
-    scripts.append(_own("ready.js"))
+        library = get_plotlyjs()
+        scripts.append(_own("scene.js"))
     data = {"scene": page.scene} if page.scene else {}
     data |= {f"drive-data-{number}": drive for number, drive in enumerate(page.drives)}
     environment = jinja2.Environment(
@@ -41,7 +41,8 @@ def render(page: Page, made_with: str = "") -> str:
         style=Markup(_own("style.css")),
         scripts=[Markup(script) for script in scripts],
         data={name: safe_json(content) for name, content in data.items()},
-        policy=_policy(scripts),
+        library=Markup(library),
+        policy=_policy([library, *scripts] if library else scripts),
     )
 
 

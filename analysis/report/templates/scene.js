@@ -1,9 +1,9 @@
 // Map and timeline, drawn by Plotly from the numbers in the page. Texts of the run never become markup.
+// Plotly is large: it stands in the page as text, and is run once all the rest has been shown.
 (function () {
   "use strict";
-  const holder = document.getElementById("scene");
-  if (!holder) return;
-  const scene = JSON.parse(holder.textContent);
+  const scene = JSON.parse(document.getElementById("scene").textContent);
+  let started = false;
   const colours = { ink: "#1a1a1a", true: "#56B4E9", estimate: "#D55E00", path: "#56B4E9", road: "#c9c9c9" };
   const episodes = {
     distraction: { label: "distraction", key: "D", fill: "#E69F00" },
@@ -171,6 +171,7 @@
   let moment = null;
 
   function placeCursor() {
+    if (!started) return;
     const size = timelineElement._fullLayout && timelineElement._fullLayout._size;
     cursor.hidden = true;
     if (!size || !moment || moment.vehicle !== choice.value) return;
@@ -198,7 +199,7 @@
   }
 
   function choose(id) {
-    if (!scene.vehicles.some((one) => one.id === id)) return;
+    if (!started || !scene.vehicles.some((one) => one.id === id)) return;
     choice.value = id;
     Plotly.restyle(mapElement, { x: [pathOf(id).x], y: [pathOf(id).y] }, [2]);
     drawTimeline(id);
@@ -228,15 +229,27 @@
   }
   const first = scene.vehicles[0].id;
   explain();
-  drawMap(first);
-  drawTimeline(first);
-  choice.addEventListener("change", () => choose(choice.value));
+
+  function start() {
+    if (started) return;
+    started = true;
+    const script = document.createElement("script");
+    script.textContent = document.getElementById("plotly").textContent;
+    document.head.append(script); // runs it; the page's policy knows its hash
+    drawMap(first);
+    drawTimeline(choice.value);
+    choice.addEventListener("change", () => choose(choice.value));
+    document.documentElement.dataset.plots = "drawn";
+  }
+
+  window.addEventListener("load", () => window.setTimeout(start, 50));
   window.addEventListener("viewed", (event) => {
     moment = event.detail;
     placeCursor();
   });
   let before = null;
   window.addEventListener("beforeprint", () => {
+    start();
     before = [mapElement.offsetWidth, timelineElement.offsetWidth];
     for (const element of [mapElement, timelineElement]) Plotly.relayout(element, { width: 680 });
   });

@@ -1,1 +1,0 @@
-document.documentElement.dataset.ready = "yes"; // what draws has been run
