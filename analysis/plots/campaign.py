@@ -25,22 +25,17 @@ SHARES = {
 GREATEST_CELLS = 24  # more rows are not legible
 
 
-def cell_names(table: pd.DataFrame, other: tuple[str, ...]) -> "pd.Series[str]":
-    """What tells the cells apart, from the columns of the grid (those between `cell` and `other`)."""
-    grid = []
-    for column in table.columns[1:]:
-        if column in other:
-            break
-        grid.append(column)
-    short = {column: column.rsplit(".", 1)[-1].replace("_", " ") for column in grid}
-
-    def name(row: "pd.Series[object]") -> str:
-        if str(row["cell"]) == "all":
-            return "all"
-        parts = [f"{short[c]} {row[c]}" for c in grid if pd.notna(row[c])]
-        return ", ".join(parts) or f"cell {row['cell']}"
-
-    return table.apply(name, axis=1) if len(table) else pd.Series(dtype=str)
+def cell_names(table: pd.DataFrame) -> "pd.Series[str]":
+    """What tells the cells apart: the grid's columns are those that say nothing of all cells together."""
+    whole = table["cell"].astype(str) == "all"
+    grid = [c for c in table.columns if table.loc[whole, c].isna().all() and table.loc[~whole, c].notna().all()]
+    grid = [column for column in grid if whole.any() and not whole.all()]
+    short = {column: str(column).rsplit(".", 1)[-1].replace("_", " ") for column in grid}
+    names = []
+    for row in table.to_dict("records"):
+        parts = [f"{short[column]} {row[column]}" for column in grid]
+        names.append("all" if str(row["cell"]) == "all" else ", ".join(parts) or f"cell {row['cell']}")
+    return pd.Series(names, index=table.index, dtype=str)
 
 
 @styled
@@ -71,7 +66,7 @@ def shares(table: pd.DataFrame) -> Figure:
 
 
 def _intervals(table: pd.DataFrame, figures: dict[str, str], unit: str) -> Figure:
-    table = table.assign(name=cell_names(table, ("figure",)))
+    table = table.assign(name=cell_names(table))
     shown = [name for name in figures if table.loc[table["figure"] == name, "value"].notna().any()]
     names = list(dict.fromkeys(table["name"]))[:GREATEST_CELLS]
     if not shown:
@@ -105,13 +100,13 @@ def _intervals(table: pd.DataFrame, figures: dict[str, str], unit: str) -> Figur
 def times(table: pd.DataFrame, figure_name: str) -> Figure:
     """Distribution of a time by cell, from times.csv: true_tlc, true_ttc, ldw_lead_time, conflict_lead_time …"""
     figure, axes = sheet(1, 1, 3.4)
-    part = table[table["figure"] == figure_name] if "figure" in table.columns else table
+    part = table[table["figure"] == figure_name] if "figure" in table.columns else table.iloc[:0]
     if figure_name == "true_tlc" and len(part):
         part = part[part["up_to_s"] > 0.0]  # 0: already outside
     if part.empty:
         nothing(axes, "no such time was counted")
         return figure
-    part = part.assign(name=cell_names(part, ("figure",)))
+    part = part.assign(name=cell_names(part))
     names = [name for name in dict.fromkeys(part["name"]) if name != "all"][: len(SERIES)] or ["all"]
     for name, (colour, dashes, _) in zip(names, SERIES, strict=False):
         rows = part[part["name"] == name].sort_values("up_to_s")

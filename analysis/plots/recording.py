@@ -69,19 +69,21 @@ def tracks(table: pd.DataFrame) -> Figure:
             part = some[some["motion_state"] == name]
             if len(part):
                 axes.scatter(
-                    part["time_s"], part[column], s=9, color=colour, marker=marker, linewidths=0, label=words(name)
+                    part["time_s"], part[column], s=9, color=colour, marker=marker, linewidths=0, label=words(name), rasterized=True
                 )
-        axes.scatter(
-            in_path["time_s"],
-            in_path[column],
-            s=26,
-            facecolors="none",
-            edgecolors="#1a1a1a",
-            linewidths=0.5,
-            label="in path",
-        )
+        if len(in_path):
+            axes.scatter(
+                in_path["time_s"],
+                in_path[column],
+                s=26,
+                facecolors="none",
+                edgecolors="#1a1a1a",
+                linewidths=0.5,
+                rasterized=True,
+                label="in path",
+            )
         axes.set_ylabel(label)
-    every = f", every {step}th row" if step > 1 else ""
+    every = f", one row in {step} drawn" if step > 1 else ""
     all_axes[0].set_title(f"{table['track_id'].nunique()} tracks, {len(table)} rows{every}")
     all_axes[-1].set_xlabel("time in s")
     figure.legend(*all_axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)

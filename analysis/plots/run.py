@@ -166,6 +166,7 @@ def ttc_error(steps: pd.DataFrame, below_s: float = 2 * NEAR_TTC_S) -> Figure:
         s=9,
         color=BLUE,
         alpha=0.5,
+        rasterized=True,
         linewidths=0,
         label=f"{len(known)} steps; {len(near) - len(known)} more without an estimate",
     )
@@ -223,7 +224,11 @@ def motion_classes(tracks: pd.DataFrame) -> Figure:
         nothing(axes, "no track lived long enough to be judged")
         return figure
     counts = pd.crosstab(judged["true_motion_state"], judged["motion_state"])
-    return _confusion(figure, axes, counts.reindex(index=NAMES, columns=NAMES, fill_value=0))
+    counts = counts.reindex(index=NAMES, columns=NAMES, fill_value=0)
+    if not counts.to_numpy().sum():
+        nothing(axes, "no track has both classes")
+        return figure
+    return _confusion(figure, axes, counts)
 
 
 def _confusion(figure: Figure, axes: Axes, counts: pd.DataFrame) -> Figure:

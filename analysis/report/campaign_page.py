@@ -39,9 +39,9 @@ def campaign_page(directory: Path) -> Page:
     planned = about.get("runs")
     done = len(tables["runs"])
     if isinstance(planned, int) and done < planned:
-        notes.append(f"{done} of {planned} runs are done: the same `sumo-adas batch` command goes on from there")
+        notes.append(f"{done} of {planned} runs are done: the same batch command goes on from there")
     if len(tables["failures"]):
-        notes.append(f"{len(tables['failures'])} runs failed: see the table of failures below")
+        notes.append(f"Failed runs: {len(tables['failures'])}, with their causes in the table of failures below")
     page.figures = _whole(tables)
     page.cards = _cards(tables, sweeps)
     page.events = _tables(tables, sweeps)
@@ -85,7 +85,7 @@ def _facts(tables: dict[str, pd.DataFrame], about: dict[str, object]) -> list[tu
         facts.append(("Vehicle hours", f"{rates['vehicle_hours'].max():.1f}"))
     facts.append(("Failed runs", str(len(tables["failures"]))))
     if about.get("hash"):
-        facts.append(("Settings' hash", str(about["hash"])[:16]))
+        facts.append(("Settings' hash", str(about["hash"])[:12]))
     return facts
 
 

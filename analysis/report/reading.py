@@ -129,6 +129,11 @@ def _from_csv(path: Path, name: str, schema: pa.Schema, notes: list[str]) -> pa.
         notes.append(f"{path.name} ends within a row: the run was interrupted, the row is left out")
     if not content.strip():
         return None
+    try:
+        content.decode()
+    except UnicodeDecodeError:  # Arrow would find that in the middle of its work
+        notes.append(f"{path.name} cannot be read: it is no text")
+        return None
     skipped = 0
 
     def skip(row: Any) -> str:

@@ -86,7 +86,7 @@ def _facts(run: RunTables) -> list[tuple[str, str]]:
     if row.get("versions"):
         facts.append(("Versions", str(row["versions"]).replace("; ", ", ")))
     if row.get("configuration_hash"):
-        facts.append(("Settings' hash", str(row["configuration_hash"])[:16]))
+        facts.append(("Settings' hash", str(row["configuration_hash"])[:12]))
     return facts
 
 

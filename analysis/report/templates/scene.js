@@ -247,13 +247,17 @@
     moment = event.detail;
     placeCursor();
   });
+  const folded = () => Array.from(document.querySelectorAll("main details"));
   let before = null;
   window.addEventListener("beforeprint", () => {
     start();
-    before = [mapElement.offsetWidth, timelineElement.offsetWidth];
-    for (const element of [mapElement, timelineElement]) Plotly.relayout(element, { width: 680 });
+    before = { widths: [mapElement.offsetWidth, timelineElement.offsetWidth], open: folded().map((one) => one.open) };
+    folded().forEach((one) => (one.open = true));
+    for (const element of [mapElement, timelineElement]) Plotly.relayout(element, { width: 680, "margin.b": 120 });
   });
   window.addEventListener("afterprint", () => {
-    [mapElement, timelineElement].forEach((element, i) => Plotly.relayout(element, { width: before ? before[i] : undefined, autosize: true }));
+    if (!before) return;
+    folded().forEach((one, i) => (one.open = before.open[i]));
+    [mapElement, timelineElement].forEach((element, i) => Plotly.relayout(element, { width: before.widths[i], "margin.b": 95, autosize: true }));
   });
 })();
