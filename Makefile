@@ -4,13 +4,18 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test lint format evaluate bench soak faults clean
+.PHONY: demo test browser lint format evaluate bench soak faults clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/sumo-adas run highway --out out/demo --seed 1
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n 2
+
+# The report page in Debian's chromium; `make test` runs these too where there is one.
+browser: $(VENV)/.dev
+	$(BIN)/python -m pytest tests/analysis/test_report_browser.py -rs
+	$(BIN)/python benchmarks/report_page.py --out out/report_page
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -1,9 +1,9 @@
 """Figures from tables, as matplotlib Figures: for notebooks, the command `plot` and the report page.
 
-    from analysis import plots
+from analysis import plots
 
-    plots.prediction_error(adas.tables["predictions"])        # from tables at hand
-    plots.draw("out/demo", "timeline", vehicle="forward_0.3")  # by name, from a directory
+plots.prediction_error(adas.tables["predictions"])        # from tables at hand
+plots.draw("out/demo", "timeline", vehicle="forward_0.3")  # by name, from a directory
 """
 
 from analysis.plots.campaign import benefit, rates, roc, shares, times

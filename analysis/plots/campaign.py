@@ -22,18 +22,27 @@ SHARES = {
     "recognised": "lane recognised",
     "paper_recognised": "… by the published search",
 }
+TIMES = {
+    "true_tlc": "true time to lane crossing in s",
+    "true_ttc": "true time to collision in s",
+    "ldw_lead_time": "from warning to crossing in s",
+    "conflict_lead_time": "from warning to conflict in s",
+    "conflict_min_ttc": "least true time to collision in s",
+}
 GREATEST_CELLS = 24  # more rows are not legible
 
 
 def cell_names(table: pd.DataFrame) -> "pd.Series[str]":
     """What tells the cells apart: the grid's columns are those that say nothing of all cells together."""
     whole = table["cell"].astype(str) == "all"
-    grid = [c for c in table.columns if table.loc[whole, c].isna().all() and table.loc[~whole, c].notna().all()]
-    grid = [column for column in grid if whole.any() and not whole.all()]
-    short = {column: str(column).rsplit(".", 1)[-1].replace("_", " ") for column in grid}
+    grid = [
+        c for c in table.columns if table.loc[whole, c].isna().all() and table.loc[~whole, c].notna().all()
+    ]
+    several = [column for column in grid if whole.any() and table.loc[~whole, column].nunique() > 1]
+    short = {column: words(str(column).replace(".", " ")) for column in several}
     names = []
     for row in table.to_dict("records"):
-        parts = [f"{short[column]} {row[column]}" for column in grid]
+        parts = [f"{short[column]} {row[column]}" for column in several]
         names.append("all" if str(row["cell"]) == "all" else ", ".join(parts) or f"cell {row['cell']}")
     return pd.Series(names, index=table.index, dtype=str)
 
@@ -74,8 +83,8 @@ def _intervals(table: pd.DataFrame, figures: dict[str, str], unit: str) -> Figur
         nothing(axes, "no events")
         return figure
     rows = (len(shown) + 1) // 2
-    height = rows * (0.75 + 0.22 * len(names))
-    figure, grid = sheet(rows, 2, max(height, 2.2), width_in=7.0, sharey=True, squeeze=False)
+    height = rows * (0.95 + 0.22 * len(names))
+    figure, grid = sheet(rows, 2, max(height, 2.2), width_in=9.0, sharey=True, squeeze=False)
     for axes in grid.flat[len(shown) :]:
         axes.set_axis_off()
     for name, axes in zip(shown, grid.flat, strict=False):
@@ -86,7 +95,8 @@ def _intervals(table: pd.DataFrame, figures: dict[str, str], unit: str) -> Figur
             error = [[max(reach[0].iloc[k], 0.0)], [max(reach[1].iloc[k], 0.0)]]
             marker = "o" if colour == BLUE else "D"
             axes.errorbar(value, k, xerr=np.nan_to_num(error), fmt=marker, color=colour, capsize=3)
-        axes.set_title(f"{figures[name]}, {unit}")
+        axes.set_title(figures[name])
+        axes.set_xlabel(unit)
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.5, -0.5)
         if unit == "%":
@@ -98,7 +108,7 @@ def _intervals(table: pd.DataFrame, figures: dict[str, str], unit: str) -> Figur
 
 @styled
 def times(table: pd.DataFrame, figure_name: str) -> Figure:
-    """Distribution of a time by cell, from times.csv: true_tlc, true_ttc, ldw_lead_time, conflict_lead_time …"""
+    """Distribution of a time by cell, from times.csv: true_tlc, true_ttc, ldw_lead_time and others."""
     figure, axes = sheet(1, 1, 3.4)
     part = table[table["figure"] == figure_name] if "figure" in table.columns else table.iloc[:0]
     if figure_name == "true_tlc" and len(part):
@@ -119,7 +129,7 @@ def times(table: pd.DataFrame, figure_name: str) -> Figure:
             linestyle=dashes,
             label=f"{name} (n = {rows['count'].sum()})",
         )
-    axes.set(xlabel=f"{words(figure_name)} in s", ylabel="at or below, in %", ylim=(0.0, 101.0))
+    axes.set(xlabel=TIMES.get(figure_name, words(figure_name)), ylabel="at or below, in %", ylim=(0.0, 101.0))
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=1)
     return figure
 
@@ -195,20 +205,21 @@ def roc(tables: dict[str, pd.DataFrame]) -> Figure:
 
 @styled
 def benefit(table: pd.DataFrame) -> Figure:
-    """What drivers who heed the warnings avoid, a run, with the bootstrap's interval over pairs, from benefit.csv."""
+    """What drivers who heed the warnings avoid, a run, with the bootstrap's interval, from benefit.csv."""
     if table.empty or "avoided_per_run" not in table.columns:
         figure, axes = sheet(1, 1, 2.0)
         nothing(axes, "no pair of cells with reaction.on false and true")
         return figure
     labels = []
+    several = [c for c in table.columns[: list(table.columns).index("figure")] if table[c].nunique() > 1]
     for row in table.to_dict("records"):
-        grid = [f"{k.rsplit('.', 1)[-1]} {v}" for k, v in row.items() if k in _before(table, "figure")]
+        grid = [f"{words(k.replace('.', ' '))} {row[k]}" for k in several]
         labels.append("\n".join([words(str(row["figure"])), *grid]))
     figure, axes = sheet(1, 1, max(2.0, 0.6 + 0.5 * len(table)), width_in=6.0)
     value = table["avoided_per_run"]
-    reach = np.nan_to_num(
-        [value - table["avoided_per_run_low"], table["avoided_per_run_high"] - value]
-    ).clip(0.0)
+    reach = np.nan_to_num([value - table["avoided_per_run_low"], table["avoided_per_run_high"] - value]).clip(
+        0.0
+    )
     axes.errorbar(value, range(len(table)), xerr=reach, fmt="o", color=BLUE, capsize=3)
     for k, row in enumerate(table.itertuples()):
         axes.annotate(
@@ -226,13 +237,9 @@ def benefit(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _before(table: pd.DataFrame, column: str) -> list[str]:
-    return list(table.columns[: list(table.columns).index(column)])
-
-
 @styled
 def error_times(table: pd.DataFrame) -> Figure:
-    """Errors of the times to crossing and collision by cell, from accuracy.csv: median and 95th percentile."""
+    """Errors of the times to crossing and collision, from accuracy.csv: median and 95th percentile."""
     figure, axes = sheet(1, 1, 2.6)
     names = {"tlc_error": "TLC", "tlc_true_state_error": "TLC from the true state", "ttc_error": "TTC"}
     wanted = [f"{name}_{end}_s" for name in names for end in ("median", "p95")]
@@ -246,7 +253,9 @@ def error_times(table: pd.DataFrame) -> Figure:
         if np.isfinite(median):
             axes.plot([median, p95 if np.isfinite(p95) else median], [k, k], color=BLUE)
             axes.plot(median, k, "o", color=BLUE, label="median" if k == 0 else None)
-            axes.plot(p95, k, "|", color=VERMILLION, markersize=12, label="95th percentile" if k == 0 else None)
+            axes.plot(
+                p95, k, "|", color=VERMILLION, markersize=12, label="95th percentile" if k == 0 else None
+            )
     axes.set_yticks(range(len(names)), list(names.values()))
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel("error in s")

@@ -32,8 +32,10 @@ def _of_csv(draw: Callable[[pd.DataFrame], Figure], name: str) -> Callable[[Path
     return lambda directory, vehicle: draw(_csv(directory, name))
 
 
-def _of_curves(experiment: str, *files: str, draw: Callable[..., Figure]) -> Callable[[Path, str | None], Figure]:
-    """From what `sumo-adas reproduce EXPERIMENT` wrote into the directory, else from the experiment itself."""
+def _of_curves(
+    experiment: str, *files: str, draw: Callable[..., Figure]
+) -> Callable[[Path, str | None], Figure]:
+    """From what `sumo-adas reproduce` wrote into the directory, else from the experiment itself."""
 
     def drawn(directory: Path, vehicle: str | None) -> Figure:
         for folder in (directory, directory / experiment):
@@ -56,7 +58,9 @@ def _roc(directory: Path, vehicle: str | None) -> Figure:
     notes: list[str] = []
     tables = {kind: read_csv(directory, f"sweep_{kind}.csv", notes) for kind in ("ldw", "fcw")}
     if all(table.empty for table in tables.values()):
-        raise ReportError(f"{directory}: holds no sweep_ldw.csv or sweep_fcw.csv: run `sumo-adas sweep {directory}`")
+        raise ReportError(
+            f"{directory}: holds no sweep_ldw.csv or sweep_fcw.csv: run `sumo-adas sweep {directory}`"
+        )
     return campaign.roc(tables)
 
 
@@ -72,22 +76,34 @@ def _timeline(directory: Path, vehicle: str | None) -> Figure:
 
 PLOTS: dict[str, Plot] = {
     "map": Plot("run", "driven paths, departures, warnings on the road", _map),
-    "timeline": Plot("run", "one vehicle over time: offset, borders, TLC, TTC, warnings (--vehicle)", _timeline),
+    "timeline": Plot(
+        "run", "one vehicle over time: offset, borders, TLC, TTC, warnings (--vehicle)", _timeline
+    ),
     "prediction": Plot(
-        "run", "prediction error by horizon against baselines", _of_run(lambda t: run.prediction_error(t["predictions"]))
+        "run",
+        "prediction error by horizon against baselines",
+        _of_run(lambda t: run.prediction_error(t["predictions"])),
     ),
     "situations": Plot(
         "run",
         "prediction error by what the driver does and how the road runs",
         _of_run(lambda t: run.prediction_by_category(t["predictions"], t["steps"])),
     ),
-    "recognition": Plot("run", "share of frames with the lane found", _of_run(lambda t: run.recognition(t["steps"]))),
+    "recognition": Plot(
+        "run", "share of frames with the lane found", _of_run(lambda t: run.recognition(t["steps"]))
+    ),
     "tlc": Plot("run", "error of the time to lane crossing", _of_run(lambda t: run.tlc_error(t["steps"]))),
-    "ttc": Plot("run", "time to collision, estimated over true", _of_run(lambda t: run.ttc_error(t["steps"]))),
+    "ttc": Plot(
+        "run", "time to collision, estimated over true", _of_run(lambda t: run.ttc_error(t["steps"]))
+    ),
     "warnings": Plot("run", "warnings by outcome", _of_run(lambda t: run.warning_outcomes(t["warnings"]))),
-    "classes": Plot("run", "motion classes of radar tracks", _of_run(lambda t: run.motion_classes(t["tracks"]))),
+    "classes": Plot(
+        "run", "motion classes of radar tracks", _of_run(lambda t: run.motion_classes(t["tracks"]))
+    ),
     "rates": Plot("campaign", "events per 100 km by cell", _of_csv(campaign.rates, "rates.csv")),
-    "shares": Plot("campaign", "warned and recognised shares by cell", _of_csv(campaign.shares, "shares.csv")),
+    "shares": Plot(
+        "campaign", "warned and recognised shares by cell", _of_csv(campaign.shares, "shares.csv")
+    ),
     "tlc-distribution": Plot("campaign", "true times to lane crossing by cell", _times("true_tlc")),
     "ttc-distribution": Plot("campaign", "true times to collision by cell", _times("true_ttc")),
     "lead-times": Plot("campaign", "lead of lane-departure warnings by cell", _times("ldw_lead_time")),
@@ -142,10 +158,12 @@ def draw(directory: Path, name: str, vehicle: str | None = None) -> Figure:
 
 
 def write(figure: Figure, out: Path) -> Path:
-    """Write a figure as what the suffix says. Raises ReportError for another suffix, or a place that cannot be written."""
+    """Write a figure as what the suffix says. Raises ReportError for another one, or where that fails."""
     suffix = out.suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
-        raise ReportError(f"--out {out}: its suffix must be one of {', '.join('.' + name for name in FORMATS)}")
+        raise ReportError(
+            f"--out {out}: its suffix must be one of {', '.join('.' + name for name in FORMATS)}"
+        )
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         save(figure, out, suffix)

@@ -21,7 +21,7 @@ EPISODES = {
 
 
 def with_gaps(steps: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """One vehicle's rows with an empty one where rows are missing or the lane changes: no line bridges that."""
+    """One vehicle's rows, with an empty one where rows are missing or the lane changes: lines break there."""
     rows = steps[["time_s", *columns]].astype("float64").sort_values("time_s")
     broken = rows["time_s"].diff() > STEP_GAP_S
     for column in {"true_lateral_offset_m", "lateral_offset_m"} & set(columns):
@@ -31,7 +31,7 @@ def with_gaps(steps: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def at_event(steps: pd.DataFrame, events: pd.DataFrame, when: str) -> pd.DataFrame:
-    """`events` with x and y of their vehicle at the step nearest to `when`; those nowhere near are left out."""
+    """`events` with their vehicle's x and y at the step nearest to `when`, where there is one within 1 s."""
     if events.empty or steps.empty:
         return events.assign(true_x_m=np.nan, true_y_m=np.nan).iloc[:0]
     at = steps[["time_s", "run_id", "vehicle_id", "true_x_m", "true_y_m"]].dropna()
@@ -96,7 +96,7 @@ def timeline(
 ) -> Figure:
     """One vehicle over time: offset between the borders, times to crossing and collision, warnings, episodes.
 
-    `vehicle_id`: by default the one with the most events. Raises ValueError for one that the table does not have.
+    `vehicle_id`: by default the one with the most events. Raises ValueError for one that is not there.
     """
     vehicle_id = vehicle_id or busiest(steps, departures, warnings)
     rows = steps[steps["vehicle_id"] == vehicle_id].sort_values("time_s")
@@ -138,10 +138,9 @@ def busiest(steps: pd.DataFrame, departures: pd.DataFrame, warnings: pd.DataFram
         return ""
     meant = departures.loc[departures["cause"] != "lane_change_signalled", "vehicle_id"]
     lane = warnings.loc[warnings["kind"] == "ldw", "vehicle_id"]
-    table = pd.DataFrame({"rows": steps["vehicle_id"].value_counts()})
-    table["events"] = table.index.map(meant.value_counts()).fillna(0.0) * 3.0  # type: ignore[arg-type]
-    table["events"] += table.index.map(lane.value_counts()).fillna(0.0) * 2.0  # type: ignore[arg-type]
-    table["events"] += table.index.map(warnings["vehicle_id"].value_counts()).fillna(0.0)  # type: ignore[arg-type]
+    table = pd.DataFrame({"rows": steps["vehicle_id"].value_counts()}).assign(events=0.0)
+    for ids, weight in ((meant, 3.0), (lane, 2.0), (warnings["vehicle_id"], 1.0)):
+        table["events"] += weight * ids.value_counts().reindex(table.index).fillna(0.0)
     table = table.sort_index().sort_values(["events", "rows"], ascending=False, kind="stable")
     return str(table.index[0])
 
@@ -171,12 +170,19 @@ def _offset(axes: Axes, rows: pd.DataFrame) -> None:
         )
         named.add(label)
     width = rows["true_lane_width_m"].fillna(rows["lane_width_m"])
-    lines = with_gaps(rows.assign(border=0.5 * width), ["border", "true_lateral_offset_m", "lateral_offset_m"])
+    lines = with_gaps(
+        rows.assign(border=0.5 * width), ["border", "true_lateral_offset_m", "lateral_offset_m"]
+    )
     axes.plot(lines["time_s"], lines["border"], color=BLACK, linewidth=1.2, label="lane borders")
     axes.plot(lines["time_s"], -lines["border"], color=BLACK, linewidth=1.2)
     axes.plot(lines["time_s"], lines["true_lateral_offset_m"], color=SKY, linewidth=3.2, label="true offset")
     axes.plot(
-        lines["time_s"], lines["lateral_offset_m"], color=VERMILLION, linestyle="--", linewidth=1.1, label="camera"
+        lines["time_s"],
+        lines["lateral_offset_m"],
+        color=VERMILLION,
+        linestyle="--",
+        linewidth=1.1,
+        label="camera",
     )
     axes.set(ylabel="left of lane\ncentre in m", ylim=(-2.6, 2.6))
 

@@ -29,7 +29,7 @@ _CHAINS = {"paper": ("published chain", VERMILLION, "--"), "refined": ("default 
 
 @styled
 def correction(curve: pd.DataFrame) -> Figure:
-    """The factor f from the kinematic to the dynamic front-wheel angle, over speed and load (Z11 figure 13)."""
+    """The factor f from kinematic to dynamic front-wheel angle, over speed and load (Z11 figure 13)."""
     figure, axes = sheet(1, 1, 3.4)
     for (load, part), (colour, dashes, _) in zip(curve.groupby("load", sort=False), SERIES, strict=False):
         axes.plot(part["speed_kmh"], part["factor"], color=colour, linestyle=dashes, label=str(load))
@@ -50,7 +50,9 @@ def observer(curve: pd.DataFrame) -> Figure:
         of_run = curve[curve["run"] == run]
         first = of_run[of_run["observer"] == of_run["observer"].iloc[0]]
         for axes, value in zip(grid[:, column], ("yaw_rate_rps", "lateral_speed_mps"), strict=True):
-            axes.plot(first["time_s"], first[f"true_{value}"], color=SKY, linewidth=4, label="simulated vehicle")
+            axes.plot(
+                first["time_s"], first[f"true_{value}"], color=SKY, linewidth=4, label="simulated vehicle"
+            )
             for name in names:
                 part = of_run[of_run["observer"] == name]
                 colour, dashes, _ = SERIES[(1 + names.index(name)) % len(SERIES)]

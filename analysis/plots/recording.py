@@ -62,14 +62,25 @@ def tracks(table: pd.DataFrame) -> Figure:
     in_path = some[some["in_path"].astype(str).isin(("1", "True", "true"))] if "in_path" in some else some[:0]
     for axes, (column, label) in zip(
         all_axes,
-        (("range_m", "range in m"), ("range_rate_mps", "range rate in m/s"), ("azimuth_rad", "azimuth in rad")),
+        (
+            ("range_m", "range in m"),
+            ("range_rate_mps", "range rate in m/s"),
+            ("azimuth_rad", "azimuth in rad"),
+        ),
         strict=True,
     ):
         for name, (colour, marker) in CLASSES.items():
             part = some[some["motion_state"] == name]
             if len(part):
                 axes.scatter(
-                    part["time_s"], part[column], s=9, color=colour, marker=marker, linewidths=0, label=words(name), rasterized=True
+                    part["time_s"],
+                    part[column],
+                    s=9,
+                    color=colour,
+                    marker=marker,
+                    linewidths=0,
+                    label=words(name),
+                    rasterized=True,
                 )
         if len(in_path):
             axes.scatter(

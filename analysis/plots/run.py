@@ -34,7 +34,7 @@ def words(name: str) -> str:
 
 @styled
 def prediction_error(predictions: pd.DataFrame) -> Figure:
-    """|Lateral error| of the predicted path by horizon: median and 95th percentile, against both baselines."""
+    """|Lateral error| of the predicted path by horizon, median and 95th percentile, against baselines."""
     figure, (left, right) = sheet(1, 2, 3.5)
     if predictions.empty:
         right.set_axis_off()
@@ -111,7 +111,9 @@ def recognition(steps: pd.DataFrame) -> Figure:
         shares = np.array([clustered_share(part, column) for part in rows])
         y = np.arange(len(names)) - 0.15 + 0.3 * index
         reach = np.nan_to_num(np.abs(shares[:, 1:] - shares[:, :1]).T)
-        axes.errorbar(100 * shares[:, 0], y, xerr=100 * reach, fmt=marker, color=colour, capsize=3, label=label)
+        axes.errorbar(
+            100 * shares[:, 0], y, xerr=100 * reach, fmt=marker, color=colour, capsize=3, label=label
+        )
         for k, share in enumerate(shares[:, 0]):
             axes.annotate(
                 f"{_percent(share)}", (100 * share, y[k]), (0, 6), textcoords="offset points", ha="center"
@@ -152,7 +154,7 @@ def tlc_error(steps: pd.DataFrame, below_s: float = 1.0) -> Figure:
 
 @styled
 def ttc_error(steps: pd.DataFrame, below_s: float = 2 * NEAR_TTC_S) -> Figure:
-    """Estimated against true time to collision, where the true one is under `below_s` and the leader in view."""
+    """Estimated against true time to collision, where that is under `below_s` and the leader in view."""
     figure, axes = sheet(1, 1, 3.4)
     near = steps[(steps["true_ttc_s"] < below_s) & steps["true_leader_visible"].fillna(False)]
     if near.empty:
@@ -187,7 +189,11 @@ def warning_outcomes(warnings: pd.DataFrame) -> Figure:
     if warnings.empty:
         nothing(axes, "no warning was given")
         return figure
-    rows = (("lane departure", "ldw", "warning"), ("reminder", "fcw", "reminder"), ("danger", "fcw", "danger"))
+    rows = (
+        ("lane departure", "ldw", "warning"),
+        ("reminder", "fcw", "reminder"),
+        ("danger", "fcw", "danger"),
+    )
     start = np.zeros(len(rows))
     for outcome, (colour, hatch) in OUTCOMES.items():
         counts = np.array(

@@ -15,9 +15,15 @@ _TIMES = {
         "Times to lane crossing",
         "True times to lane crossing under 5 s, of all steps before a crossing, by cell.",
     ),
-    "true_ttc": ("Times to collision", "True times to collision with the leader under 10 s, of all steps, by cell."),
+    "true_ttc": (
+        "Times to collision",
+        "True times to collision with the leader under 10 s, of all steps, by cell.",
+    ),
     "ldw_lead_time": ("Lead of lane-departure warnings", "From the warning to the crossing; negative: late."),
-    "conflict_min_ttc": ("Least time to collision of conflicts", "The least true time of each conflict, by cell."),
+    "conflict_min_ttc": (
+        "Least time to collision of conflicts",
+        "The least true time of each conflict, by cell.",
+    ),
 }
 MOST_ROWS = 400
 
@@ -41,7 +47,9 @@ def campaign_page(directory: Path) -> Page:
     if isinstance(planned, int) and done < planned:
         notes.append(f"{done} of {planned} runs are done: the same batch command goes on from there")
     if len(tables["failures"]):
-        notes.append(f"Failed runs: {len(tables['failures'])}, with their causes in the table of failures below")
+        notes.append(
+            f"Failed runs: {len(tables['failures'])}, with their causes in the table of failures below"
+        )
     page.figures = _whole(tables)
     page.cards = _cards(tables, sweeps)
     page.events = _tables(tables, sweeps)
@@ -117,7 +125,9 @@ def _whole(tables: dict[str, pd.DataFrame]) -> list[Grid]:
             )
             for row in whole.to_dict("records")
         ]
-        grids.append(Grid("Shares", ("figure", "count", "share", "95 % interval"), rows, "Wilson's intervals."))
+        grids.append(
+            Grid("Shares", ("figure", "count", "share", "95 % interval"), rows, "Wilson's intervals.")
+        )
     return grids
 
 
@@ -137,15 +147,15 @@ def _cards(tables: dict[str, pd.DataFrame], sweeps: dict[str, pd.DataFrame]) -> 
         ),
         card(
             "Hits against unwanted warnings",
-            "Each point is a threshold of the warning (its value beside it), judged on the stored runs without "
-            "simulating again.",
+            "Each point is a threshold of the warning (its value beside it), judged on the stored runs "
+            "without simulating again.",
             lambda: figures.roc(sweeps),
             wide=True,
         ),
         card(
             "What the warnings are good for",
-            "Departures and conflicts a run that drivers who heed their warnings avoid, paired by seed, with the "
-            "bootstrap's interval.",
+            "Departures and conflicts a run that drivers who heed their warnings avoid, paired by seed, with "
+            "the bootstrap's interval.",
             lambda: figures.benefit(tables["benefit"]),
             wide=True,
         ),
@@ -160,7 +170,7 @@ def _cards(tables: dict[str, pd.DataFrame], sweeps: dict[str, pd.DataFrame]) -> 
         ),
         card(
             "Errors of the times",
-            "Of the times to lane crossing (true time under 1 s) and to collision (under 3 s), over all cells.",
+            "Of the times to lane crossing (where under 1 s) and to collision (under 3 s), over all cells.",
             lambda: figures.error_times(tables["accuracy"]),
         ),
     ]
@@ -170,7 +180,17 @@ def _cards(tables: dict[str, pd.DataFrame], sweeps: dict[str, pd.DataFrame]) -> 
 def _tables(tables: dict[str, pd.DataFrame], sweeps: dict[str, pd.DataFrame]) -> list[Grid]:
     grids = []
     named = tables | {f"sweep_{kind}": table for kind, table in sweeps.items()}
-    for name in ("rates", "shares", "accuracy", "benefit", "sweep_ldw", "sweep_fcw", "classes", "runs", "failures"):
+    for name in (
+        "rates",
+        "shares",
+        "accuracy",
+        "benefit",
+        "sweep_ldw",
+        "sweep_fcw",
+        "classes",
+        "runs",
+        "failures",
+    ):
         table = named[name]
         if len(table):
             grids.append(grid_of(table, f"{name}.csv ({len(table)} rows)", table.columns, MOST_ROWS))

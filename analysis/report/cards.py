@@ -1,4 +1,4 @@
-"""The parts that pages are made of: figures as pictures with a text in their place, tables of figures, notes."""
+"""The parts that pages are made of: pictures with a text in their place, tables, notes."""
 
 import base64
 import io

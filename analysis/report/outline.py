@@ -1,4 +1,4 @@
-"""The road behind a run as lines for a map: lane borders of its network file, or nothing where that is not known."""
+"""The road behind a run as lines for a map: the lanes of its network file, where that is known."""
 
 import tempfile
 from collections.abc import Mapping
@@ -31,7 +31,9 @@ def outline(run: RunTables) -> list[Array]:
     if x.empty:
         return []
     if not run.settings:
-        run.notes.append("Without configuration.json the network is not known: the map shows driven paths alone")
+        run.notes.append(
+            "Without configuration.json the network is not known: the map shows driven paths alone"
+        )
         return []
     try:
         with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:

@@ -1,7 +1,8 @@
 """The page as one HTML file: template, style, scripts, data. Nothing in it asks a network for anything.
 
-What a scenario or a vehicle's id says is data: Jinja escapes it in the markup, JSON's `<`, `>`, `&` and `'` are
-written as \\u003c and so on, and the page's own content security policy runs no script but the ones put in here.
+What a scenario or a vehicle's id says is data: Jinja escapes it in the markup, JSON's `<`, `>`, `&` and `'`
+are written as \\u003c and so on, and the page's own content security policy runs no
+script but those put in here.
 """
 
 import base64
@@ -28,7 +29,9 @@ def render(page: Page, made_with: str = "") -> str:
     if page.scene:
         from plotly.offline import get_plotlyjs
 
-        library = get_plotlyjs()
+        library = get_plotlyjs().replace(
+            "</script", "<\\/script"
+        )  # it has none now; in a string that is the same
         scripts.append(_own("scene.js"))
     data = {"scene": page.scene} if page.scene else {}
     data |= {f"drive-data-{number}": drive for number, drive in enumerate(page.drives)}

@@ -1,4 +1,4 @@
-"""Tables as they are found: whole, cut off, of an older schema, or not there. What is wrong is noted, not raised."""
+"""Tables as they are found: whole, cut off, of an older schema, or not there. What is wrong is noted."""
 
 import io
 import json
@@ -49,13 +49,13 @@ def kind_of(directory: Path) -> Kind:
     if (directory / "rates.csv").is_file():
         return "campaign"
     raise ReportError(
-        f"{directory}: holds no table: neither a run's (steps.csv or .parquet), nor a campaign's (plan.json), "
-        "nor a recorded drive's (lanes.csv, tracks.csv)"
+        f"{directory}: holds no table: neither a run's (steps.csv or .parquet), nor a campaign's "
+        "(plan.json), nor a recorded drive's (lanes.csv, tracks.csv)"
     )
 
 
 def read_run(directory: Path) -> RunTables:
-    """All tables of a run's directory; a table that is not there is empty, a column that is not there unknown."""
+    """All tables of a run's directory; one that is not there is empty, a column that is not there unknown."""
     notes: list[str] = []
     tables = {name: read_lenient(directory, name, notes) for name in TABLES}
     settings: dict[str, Any] = {}

@@ -14,7 +14,9 @@ def recording_page(directory: Path) -> Page:
     notes: list[str] = []
     lanes = read_csv(directory, "lanes.csv", notes)
     tracks = read_csv(directory, "tracks.csv", notes)
-    page = Page(f"Recorded drive: {directory.resolve().name}", "Lanes and radar tracks found in recorded data")
+    page = Page(
+        f"Recorded drive: {directory.resolve().name}", "Lanes and radar tracks found in recorded data"
+    )
     has_lanes, has_tracks = (directory / "lanes.csv").is_file(), (directory / "tracks.csv").is_file()
     if has_lanes:
         page.facts += _lane_facts(lanes, notes)

@@ -123,7 +123,12 @@ def _figures(run: RunTables) -> list[Grid]:
     text = "Rates with exact Poisson intervals, shares with Wilson's; of frames a bootstrap over vehicles."
     return [
         Grid("Lane departure", header, lane, text),
-        Grid("Rear end", header, rear, "Due is a conflict with a leader that had been in path and in view for 1 s."),
+        Grid(
+            "Rear end",
+            header,
+            rear,
+            "Due is a conflict with a leader that had been in path and in view for 1 s.",
+        ),
         _prediction_grid(counts),
     ]
 
@@ -174,8 +179,8 @@ def _cards(run: RunTables) -> list[Card]:
     return [
         card(
             "Prediction error by horizon",
-            "Lateral distance between the predicted and the driven path, against both baselines and against the "
-            "same predictor fed with the true state.",
+            "Lateral distance between the predicted and the driven path, against both baselines and against "
+            "the same predictor fed with the true state.",
             lambda: figures.prediction_error(predictions),
         ),
         card(
@@ -185,8 +190,8 @@ def _cards(run: RunTables) -> list[Card]:
         ),
         card(
             "Lane recognition",
-            "Share of frames in which both borders were found, by situation; lines are 95 % bootstrap intervals "
-            "over vehicles.",
+            "Share of frames in which both borders were found, by situation; lines are 95 % bootstrap "
+            "intervals over vehicles.",
             lambda: figures.recognition(steps),
         ),
         card(
@@ -228,13 +233,33 @@ def _events(run: RunTables) -> list[Grid]:
         grid_of(
             warnings,
             f"Warnings ({len(warnings)})",
-            ("vehicle_id", "kind", "level", "side", "start_s", "end_s", "tlc_s", "ttc_s", "lead_time_s", "outcome"),
+            (
+                "vehicle_id",
+                "kind",
+                "level",
+                "side",
+                "start_s",
+                "end_s",
+                "tlc_s",
+                "ttc_s",
+                "lead_time_s",
+                "outcome",
+            ),
             MOST_EVENTS,
         ),
         grid_of(
             conflicts,
             f"Rear-end conflicts ({len(conflicts)})",
-            ("vehicle_id", "target_id", "start_s", "end_s", "min_ttc_s", "min_gap_m", "warned", "lead_time_s"),
+            (
+                "vehicle_id",
+                "target_id",
+                "start_s",
+                "end_s",
+                "min_ttc_s",
+                "min_gap_m",
+                "warned",
+                "lead_time_s",
+            ),
             MOST_EVENTS,
         ),
     ]

@@ -1,4 +1,4 @@
-"""What the page's map and timeline draw: a run's vehicles as columns of numbers, rounded to what a screen shows."""
+"""What the page's map and timeline draw: vehicles as columns of numbers, rounded to what a screen shows."""
 
 from collections.abc import Sequence
 from typing import Any

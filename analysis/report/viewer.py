@@ -1,4 +1,4 @@
-"""What the drive viewer draws: pictures of a drive at a rate that fits the page, and the numbers drawn over them."""
+"""What the drive viewer draws: pictures at a rate that fits the page, and the numbers drawn over them."""
 
 import base64
 from typing import Any
@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from analysis.drive import Drive
-from analysis.overlay import path_in_image
+from analysis.camera_view import path_in_image
 from analysis.report.reading import json_ready
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, projection
 

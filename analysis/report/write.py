@@ -26,8 +26,8 @@ def write_report(
     vehicles, frames : which drives the viewer shows, for a run: see `run_page`.
     tell : takes notes for whoever waits, as one line each.
 
-    Raises ReportError where the directory holds nothing to show or the page cannot be written, DriveError for a
-    vehicle that the run does not have.
+    Raises ReportError where the directory holds nothing to show or the page cannot be written, DriveError for
+    a vehicle that the run does not have.
     """
     directory = Path(directory)
     kind = kind_of(directory)

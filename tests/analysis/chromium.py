@@ -66,7 +66,8 @@ def open_page(driver: Any, page: Path, size: str = "desktop") -> None:
     driver.get(page.resolve().as_uri())
     driver.execute_async_script(
         "const done = arguments[0], wait = () => !document.getElementById('scene')"
-        " || document.documentElement.dataset.plots ? requestAnimationFrame(() => requestAnimationFrame(done))"
+        " || document.documentElement.dataset.plots"
+        " ? requestAnimationFrame(() => requestAnimationFrame(done))"
         " : setTimeout(wait, 20); wait();"
     )
 
@@ -81,7 +82,8 @@ def picture(driver: Any, selector: str | None = None) -> np.ndarray:
     box = driver.execute_script(
         "const e = arguments[0] ? document.querySelector(arguments[0]) : document.documentElement;"
         "const r = e.getBoundingClientRect();"
-        "return [r.x + scrollX, r.y + scrollY, r.width, Math.max(r.height, arguments[0] ? 0 : e.scrollHeight)];",
+        "const height = Math.max(r.height, arguments[0] ? 0 : e.scrollHeight);"
+        "return [r.x + scrollX, r.y + scrollY, r.width, height];",
         selector,
     )
     clip = dict(zip(("x", "y", "width", "height"), box, strict=True)) | {"scale": 1}

@@ -64,7 +64,8 @@ def write_run(
             },
         )
     recorder.append(
-        "runs", {"seed": [1], "mode": ["refined"], "configuration_hash": ["0" * 64], "versions": ["made; by hand"]}
+        "runs",
+        {"seed": [1], "mode": ["refined"], "configuration_hash": ["0" * 64], "versions": ["made; by hand"]},
     )
     recorder.close()
     return directory
@@ -159,7 +160,9 @@ def made_drive(vehicle_id: str = "one", steps: int = 40) -> Drive:
     columns = np.stack([0.8 * border_rows - 20.0, 340.0 - 0.8 * border_rows])
     ahead = np.stack([np.arange(1.0, 50.0, 2.5), np.zeros(20)], axis=-1)
     line = np.stack([np.linspace(-10, 120, 15), np.full(15, 1.8)], axis=-1)
-    events = pd.DataFrame({"start_s": [12.1], "crossing_s": [12.5], "cause": ["distraction"], "kind": ["ldw"]})
+    events = pd.DataFrame(
+        {"start_s": [12.1], "crossing_s": [12.5], "cause": ["distraction"], "kind": ["ldw"]}
+    )
     return Drive(
         vehicle_id=vehicle_id,
         run_id="made-1",
@@ -204,14 +207,27 @@ def write_campaign(directory: Path) -> Path:
         for label in ("predicted", "true_state", "constant_velocity", "constant_radius"):
             for h in HORIZONS_S:
                 predictions.append(
-                    cell | {"horizon_s": h, "predictor": label, "count": 50, "median_m": 0.1 * h, "p95_m": 0.3 * h}
+                    cell
+                    | {"horizon_s": h, "predictor": label, "count": 50, "median_m": 0.1 * h, "p95_m": 0.3 * h}
                 )
         errors = ("tlc_error", "tlc_true_state_error", "ttc_error")
         accuracy.append(
-            cell | {f"{name}_{end}_s": 0.1 if end == "median" else 0.4 for name in errors for end in ("median", "p95")}
+            cell
+            | {
+                f"{name}_{end}_s": 0.1 if end == "median" else 0.4
+                for name in errors
+                for end in ("median", "p95")
+            }
         )
     benefit = [
-        {"condition": "clear", "figure": "departures", "pairs": 2, "without": 9, "avoided": 4, "avoided_share": 0.44}
+        {
+            "condition": "clear",
+            "figure": "departures",
+            "pairs": 2,
+            "without": 9,
+            "avoided": 4,
+            "avoided_share": 0.44,
+        }
         | {"avoided_per_run": 2.0, "avoided_per_run_low": 0.5, "avoided_per_run_high": 3.5}
     ]
     sweep = [

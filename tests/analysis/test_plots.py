@@ -27,7 +27,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     correction.curves().to_csv(published / "correction_curves.csv", index=False)
     imm.curves(imm.ImmExperiment(runs=2)).to_csv(published / "imm_curves.csv", index=False)
     pd.DataFrame(
-        {"run": "r", "observer": "paper", "time_s": [0.0, 1.0], "true_yaw_rate_rps": [0, 1], "yaw_rate_rps": [0, 1]}
+        {
+            "run": "r",
+            "observer": "paper",
+            "time_s": [0.0, 1.0],
+            "true_yaw_rate_rps": [0, 1],
+            "yaw_rate_rps": [0, 1],
+        }
         | {"true_lateral_speed_mps": [0, 1], "lateral_speed_mps": [0, 1]}
     ).to_csv(published / "simulation_curves.csv", index=False)
     pd.DataFrame(
@@ -35,7 +41,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         | {"lateral_offset_m": [0.1, 1]}
     ).to_csv(published / "road_steps.csv", index=False)
     pd.DataFrame(
-        {"run": "r", "path": ["driven", "driven", "paper", "paper"], "forward_m": [0, 9, 0, 9], "left_m": [0, 1, 0, 2]}
+        {
+            "run": "r",
+            "path": ["driven", "driven", "paper", "paper"],
+            "forward_m": [0, 9, 0, 9],
+            "left_m": [0, 1, 0, 2],
+        }
     ).to_csv(published / "road_paths.csv", index=False)
     cases = [
         {"case": case, "filter": "adaptive", "time_s": t, "rmse_vx_mps": 1.0 - t / 2, "r_ratio_v": 1.0}
@@ -78,7 +89,9 @@ def test_tlc_error_is_a_distribution(made: dict[str, Path]) -> None:
 
 
 def test_offset_is_drawn_with_a_gap_where_the_lane_changes() -> None:
-    rows = pd.DataFrame({"time_s": [0.0, 0.1, 0.2, 0.3, 1.0], "true_lateral_offset_m": [1.6, 1.7, -1.9, -1.8, 0.0]})
+    rows = pd.DataFrame(
+        {"time_s": [0.0, 0.1, 0.2, 0.3, 1.0], "true_lateral_offset_m": [1.6, 1.7, -1.9, -1.8, 0.0]}
+    )
     drawn = with_gaps(rows, ["true_lateral_offset_m"])
     assert np.flatnonzero(drawn["true_lateral_offset_m"].isna()).tolist() == [2, 5]
 
@@ -91,8 +104,10 @@ def test_episodes_are_the_spells_of_a_cause() -> None:
 
 
 def test_cells_are_named_by_the_grid() -> None:
-    table = pd.DataFrame({"cell": ["all", 0, 1], "figure": "f", "a.light": [None, "clear", "night"], "low": [1, 2, 3]})
-    assert cell_names(table).tolist() == ["all", "light clear", "light night"]
+    table = pd.DataFrame(
+        {"cell": ["all", 0, 1], "figure": "f", "a.light": [None, "clear", "night"], "low": [1, 2, 3]}
+    )
+    assert cell_names(table).tolist() == ["all", "a light clear", "a light night"]
 
 
 def test_timeline_of_an_unknown_vehicle_is_an_error(made: dict[str, Path]) -> None:

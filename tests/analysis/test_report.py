@@ -18,7 +18,14 @@ from analysis.report.scene import scene
 from analysis.report.viewer import viewer_data
 from analysis.statistics import clustered_share
 from plugin.schema import TABLES
-from tests.analysis.report_tables import HOSTILE, STEPS, made_drive, write_campaign, write_recording, write_run
+from tests.analysis.report_tables import (
+    HOSTILE,
+    STEPS,
+    made_drive,
+    write_campaign,
+    write_recording,
+    write_run,
+)
 
 
 class Elements(html.parser.HTMLParser):
@@ -75,7 +82,9 @@ def test_hostile_texts_become_no_markup(tmp_path: Path) -> None:
     plain.drives = [viewer_data(made_drive(name, steps=3)) for name in ("a", "b", "c")]
     hostile, tame = (Elements(render(page)) for page in (run, plain))
     assert [tag for tag, _ in hostile.tags] == [tag for tag, _ in tame.tags]
-    assert not [attributes for _, attributes in hostile.tags if any(name.startswith("on") for name in attributes)]
+    assert not [
+        attributes for _, attributes in hostile.tags if any(name.startswith("on") for name in attributes)
+    ]
     ids = {vehicle["id"] for vehicle in json.loads(hostile.scripts["scene"])["vehicles"]}
     assert ids == set(HOSTILE)  # and each is still what it was
 
@@ -95,7 +104,11 @@ def test_policy_lets_only_the_pages_own_scripts_run(tmp_path: Path) -> None:
     assert "default-src 'none'" in policy
     assert "unsafe" not in policy.split("script-src")[1].split(";")[0]
     assert "http://" not in text.split("</style>")[0]
-    assert not [a for tag, a in Elements(text).tags if tag in ("script", "link", "iframe") and ("src" in a or "href" in a)]
+    assert not [
+        a
+        for tag, a in Elements(text).tags
+        if tag in ("script", "link", "iframe") and ("src" in a or "href" in a)
+    ]
 
 
 @pytest.mark.usefixtures("no_pictures")
@@ -131,7 +144,12 @@ def test_interrupted_run_keeps_what_is_whole(tmp_path: Path) -> None:
     (tmp_path / "tracks.parquet.part").write_bytes(b"PAR1 and no end")
     (tmp_path / "conflicts.csv").write_text("run_id,vehicle_id\nmade-1,one,too,many\n")
     text = page_of(tmp_path)
-    for note in ("steps.csv ends within a row", "tracks.parquet.part", "The run was interrupted", "too many fields"):
+    for note in (
+        "steps.csv ends within a row",
+        "tracks.parquet.part",
+        "The run was interrupted",
+        "too many fields",
+    ):
         assert note in text
     assert len(read_run(tmp_path)["steps"]) == 3 * STEPS - 1
 
@@ -169,7 +187,13 @@ def test_nobody_equipped(tmp_path: Path) -> None:
 
 def test_campaign_and_recording_pages(tmp_path: Path) -> None:
     campaign = page_of(write_campaign(tmp_path / "campaign"))
-    for words in ("4 of 5 runs are done", "Rates by cell", "departures warned", "Failed runs: 1", "condition"):
+    for words in (
+        "4 of 5 runs are done",
+        "Rates by cell",
+        "departures warned",
+        "Failed runs: 1",
+        "condition",
+    ):
         assert words in campaign
     assert "<img src=x" not in campaign
     recording = page_of(write_recording(tmp_path / "recording"))
@@ -191,7 +215,11 @@ def test_campaign_and_recording_pages(tmp_path: Path) -> None:
     ],
 )
 def test_errors_are_one_line(
-    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit, match="2"):
@@ -222,7 +250,9 @@ def test_pictures_are_thinned_out_to_fit() -> None:
     size = sum(len(step["picture"]) for step in whole["steps"]) * 3 // 4
     thin = viewer_data(drive, size // 3)
     assert thin["every"] in (3, 4)
-    assert [step["time"] for step in thin["steps"]] == [step["time"] for step in whole["steps"]][:: thin["every"]]
+    assert [step["time"] for step in thin["steps"]] == [step["time"] for step in whole["steps"]][
+        :: thin["every"]
+    ]
     first = whole["steps"][0]
     assert first["path"][0][0] == pytest.approx(160.0, abs=1.0)  # straight ahead: in the middle
     assert first["borders"][0][0] == [-19.5, 239.5]  # y = 0: the bottom row
@@ -230,7 +260,9 @@ def test_pictures_are_thinned_out_to_fit() -> None:
     assert whole["start"] == 12.0  # half a second before the first departure or warning
 
 
-def test_vehicles_with_most_events_stay_when_rows_are_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_vehicles_with_most_events_stay_when_rows_are_many(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run = read_run(write_run(tmp_path))
     monkeypatch.setattr("analysis.report.scene.MOST_ROWS", 2 * STEPS)
     drawn = scene(run, [])
@@ -264,6 +296,7 @@ def test_share_with_interval_over_vehicles() -> None:
 def test_prediction_table_is_that_of_the_metrics(tmp_path: Path) -> None:
     run = read_run(write_run(tmp_path))
     table = prediction_errors(run["predictions"]).set_index("horizon_s")
-    assert f"{100 * table.loc[2.0, 'predicted_median_m']:.1f} / {100 * table.loc[2.0, 'predicted_p95_m']:.1f}" in page_of(
-        tmp_path
+    assert (
+        f"{100 * table.loc[2.0, 'predicted_median_m']:.1f} / {100 * table.loc[2.0, 'predicted_p95_m']:.1f}"
+        in page_of(tmp_path)
     )

@@ -1,4 +1,4 @@
-"""The report page in a real browser: it opens, draws, answers, fits a phone, and lets no text of a run act."""
+"""The report page in a real browser: it opens, draws, answers, fits a phone, lets no text of a run act."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +17,11 @@ from tests.analysis.report_tables import HOSTILE, made_drive, write_campaign, wr
 pytestmark = pytest.mark.skipif(bool(chromium.why_not()), reason=chromium.why_not() or "there is one")
 
 PARTS = {"run": ["#map", "#timeline", "#camera", "#birdseye"], "campaign": [], "recording": []}
+CHOOSE = """
+    const list = document.getElementById('vehicle');
+    list.value = arguments[0];
+    list.dispatchEvent(new Event('change'));
+"""
 PICTURES = {"run": 7, "campaign": 10, "recording": 2}
 
 
@@ -70,11 +75,13 @@ def _drawn(picture: np.ndarray) -> float:
 
 def test_texts_of_a_run_do_nothing(driver: Any, pages: dict[str, Path]) -> None:
     chromium.open_page(driver, pages["run"])
-    options = driver.execute_script("return Array.from(document.querySelectorAll('#vehicle option'), o => o.value)")
+    options = driver.execute_script(
+        "return Array.from(document.querySelectorAll('#vehicle option'), o => o.value)"
+    )
     assert sorted(options) == sorted(HOSTILE)
     for name in HOSTILE:  # every drawing with each of them
         driver.execute_script(
-            "const s = document.getElementById('vehicle'); s.value = arguments[0]; s.dispatchEvent(new Event('change'));",
+            CHOOSE,
             name,
         )
     driver.execute_script(
@@ -100,7 +107,8 @@ def test_slider_answers(driver: Any, pages: dict[str, Path]) -> None:
                 "slider.value = index; const begin = performance.now();"
                 "slider.dispatchEvent(new Event('input'));"
                 "const wait = () => slider.dataset.drawn === String(index)"
-                " ? requestAnimationFrame(() => done(performance.now() - begin)) : setTimeout(wait, 1); wait();",
+                " ? requestAnimationFrame(() => done(performance.now() - begin)) : setTimeout(wait, 1);"
+                "wait();",
                 index,
             )
         )
@@ -129,16 +137,20 @@ def test_play_moves_on_and_stops(driver: Any, pages: dict[str, Path]) -> None:
         " done(Number(document.getElementById('slider').value)); }, 400);"
     )
     assert 2 <= moved <= 20
-    assert driver.execute_script("return document.getElementById('play').getAttribute('aria-pressed')") == "false"
+    assert (
+        driver.execute_script("return document.getElementById('play').getAttribute('aria-pressed')")
+        == "false"
+    )
 
 
 def test_timeline_and_viewer_point_at_one_moment(driver: Any, pages: dict[str, Path]) -> None:
     chromium.open_page(driver, pages["run"])
     driver.execute_script(
-        "window.dispatchEvent(new CustomEvent('moment', {detail: {vehicle: arguments[0], time: 12.5}}));", HOSTILE[1]
+        "window.dispatchEvent(new CustomEvent('moment', {detail: {vehicle: arguments[0], time: 12.5}}));",
+        HOSTILE[1],
     )
     driver.execute_script(
-        "const s = document.getElementById('vehicle'); s.value = arguments[0]; s.dispatchEvent(new Event('change'));",
+        CHOOSE,
         HOSTILE[1],
     )
     assert driver.execute_script("return document.getElementById('now').value") == "12.5 s"
@@ -152,8 +164,9 @@ def test_timeline_and_viewer_point_at_one_moment(driver: Any, pages: dict[str, P
 def test_everything_has_a_name_for_those_who_do_not_see(driver: Any, pages: dict[str, Path]) -> None:
     chromium.open_page(driver, pages["run"], "phone")
     nameless = driver.execute_script(
-        "return Array.from(document.querySelectorAll('main img, main canvas, main select, main button, main input'))"
-        ".filter(e => !(e.getAttribute('aria-hidden') || e.alt || e.getAttribute('aria-label') || e.textContent.trim()"
+        "const all = document.querySelectorAll('img, canvas, select, button, input');"
+        "return Array.from(all).filter(e => !(e.getAttribute('aria-hidden') || e.alt"
+        " || e.getAttribute('aria-label') || e.textContent.trim()"
         " || (e.labels && e.labels.length) || e.closest('.modebar'))).map(e => e.outerHTML.slice(0, 80))"
     )
     assert nameless == []

@@ -240,6 +240,7 @@
     drawTimeline(choice.value);
     choice.addEventListener("change", () => choose(choice.value));
     document.documentElement.dataset.plots = "drawn";
+    performance.mark("plots");
   }
 
   window.addEventListener("load", () => window.setTimeout(start, 50));
