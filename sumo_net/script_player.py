@@ -67,7 +67,7 @@ class ScriptPlayer:
     def _place(self, actor: Actor, now_s: float) -> bool:
         handle = self._influence.find(actor.id)
         if handle is None:
-            if now_s > actor.at_s + 2.0:
+            if now_s > actor.at_s + 2.05:
                 raise ScriptError(f"actor '{actor.id}' is not on the road at {now_s:.1f} s: SUMO left it out")
             return False
         if actor.held:
