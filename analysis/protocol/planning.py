@@ -65,19 +65,16 @@ def trials_of(protocol: Protocol) -> list[Trial]:
 
 
 def batches(protocol: Protocol, trials: Iterable[Trial]) -> list[Batch]:
-    """The trials by road and length, as many at a time as the road holds."""
+    """The trials by road, line and settings, as many at a time as the road holds."""
+    by_road: dict[tuple[float, str, str], list[Trial]] = {}
+    for trial in trials:
+        key = trial.radius_m, _line(trial.test), repr(trial.test.settings)
+        by_road.setdefault(key, []).append(trial)
     made = []
-    key = lambda trial: (id(trial.test), trial.radius_m)  # noqa: E731
-    for _, group in itertools.groupby(trials, key):
-        together = list(group)
+    for together in by_road.values():
         # long trials with long ones
-        together.sort(key=lambda trial: (-_duration_s(trial), trial.number, trial.side))
-        radius = together[0].radius_m
-        room = _TRIALS_A_RUN
-        if radius:
-            arc = _MOST_OF_A_TURN * 2.0 * math.pi * abs(radius)
-            room = int((arc - _needs_m(together[0]) - 40.0) / _pace_m(together[0])) + 1
-        made += [_batch(protocol, part) for part in _parts(together, max(room, 1))]
+        together.sort(key=lambda trial: -_duration_s(trial))
+        made += [_batch(protocol, part) for part in _parts(together)]
     return made
 
 
@@ -101,11 +98,22 @@ def _leaves(test: Procedure) -> bool:
     return isinstance(test, DepartureTest)
 
 
-def _parts(trials: Sequence[Trial], room: int) -> Iterator[Sequence[Trial]]:
-    count = math.ceil(len(trials) / room)
-    size = math.ceil(len(trials) / count)
-    for k in range(count):
-        yield trials[k * size : (k + 1) * size]
+def _line(test: Procedure) -> str:
+    return "dashed" if isinstance(test, CollisionTest) else str(getattr(test, "line", "solid"))
+
+
+def _parts(trials: Sequence[Trial]) -> Iterator[Sequence[Trial]]:
+    """As many as fit on the road, and about as many in each part."""
+    radius = trials[0].radius_m
+    longest = max(_needs_m(trial) for trial in trials)
+    pace = max(_pace_m(trial) for trial in trials)
+    room = _TRIALS_A_RUN
+    if radius:
+        arc = _MOST_OF_A_TURN * 2.0 * math.pi * abs(radius)
+        room = max(int((arc - longest - 40.0) / pace) + 1, 1)
+    size = math.ceil(len(trials) / math.ceil(len(trials) / room))
+    for first in range(0, len(trials), size):
+        yield trials[first : first + size]
 
 
 def _speed_mps(trial: Trial) -> float:
@@ -148,45 +156,42 @@ def _pace_m(trial: Trial) -> float:
 
 
 def _batch(protocol: Protocol, trials: Sequence[Trial]) -> Batch:
-    test, radius = trials[0].test, trials[0].radius_m
+    radius, line = trials[0].radius_m, _line(trials[0].test)
     duration = max(_duration_s(trial) for trial in trials)
-    line = "dashed" if isinstance(test, CollisionTest) else getattr(test, "line", "solid")
     lanes, lane = (1, 0) if line == "solid" else (3, 1)
-    start = _ENTRY_M + (40.0 + _CLOTHOID_M if radius else 0.0)
-    pace = _pace_m(trials[0])
-    length = start + pace * (len(trials) - 1) + max(_needs_m(trial) for trial in trials)
+    place = _ENTRY_M + (40.0 + _CLOTHOID_M if radius else 0.0)
     actors: list[dict[str, Any]] = []
     script: list[dict[str, Any]] = []
     for k, trial in enumerate(trials):
-        # steps of 0.1 s fall on other places of each trial
-        position = start + pace * k + 0.37 * (k % 7)
-        actors.append(
-            {
-                "id": trial.vehicle_id,
-                "lane": lane,
-                "position_m": position,
-                "speed_mps": _speed_mps(trial),
-                "equipped": True,
-            }
-        )
-        if isinstance(test, DepartureTest):
-            _depart(trial, test, actors[-1], script)
-        if isinstance(test, CollisionTest):
-            _lead(trial, test, actors[-1], actors, script)
-    highway = {"lanes": lanes, "lane_width_m": LANE_M, "elements": _road(radius, length)}
+        follower = {
+            "id": trial.vehicle_id,
+            "lane": lane,
+            "position_m": place + 0.37 * (k % 7),  # steps of 0.1 s fall on other places of each trial
+            "speed_mps": _speed_mps(trial),
+            "equipped": True,
+        }
+        actors.append(follower)
+        if isinstance(trial.test, DepartureTest):
+            _depart(trial, trial.test, follower, script)
+        if isinstance(trial.test, CollisionTest):
+            _lead(trial, trial.test, follower, actors, script)
+        place += _pace_m(trial)
+    # the foremost may drive on to the end of the longest trial
+    fastest = max(_speed_mps(trial) for trial in trials)
+    length = place + duration * fastest + 60.0
     changes: dict[str, Any] = {
-        "title": test.title,
+        "title": protocol.title,
         "duration_s": round(duration, 1),
         "warm_up_s": 0.0,
         "demand": {"flow_per_lane_vph": 0.0},
         "equipment": {"fraction": 0.0},
-        "highway": highway,
+        "highway": {"lanes": lanes, "lane_width_m": LANE_M, "elements": _road(radius, length)},
         "actors": actors,
         "script": script,
     }
     if line == "dots":
         changes["condition"] = {"dash_stroke_m": 0.10, "dash_gap_m": 1.12, "marking_width_m": 0.10}
-    changes = laid_over(laid_over(protocol.settings, test.settings), changes)
+    changes = laid_over(laid_over(protocol.settings, trials[0].test.settings), changes)
     span = changes.get("vehicle", {}).get("wheel_span_m", 1.5)
     return Batch(tuple(trials), changes, half_span_m(span))
 
