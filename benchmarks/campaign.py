@@ -1,13 +1,20 @@
-"""Campaigns: two workers against one, and a campaign that is killed again and again.
+"""Campaigns: two workers against one, many short runs, and a campaign that is killed again and again.
 
     python benchmarks/campaign.py scaling [--runs 6] [--duration 60]
+    python benchmarks/campaign.py many [--runs 1000] [--duration 1] [--workers 2]
+    python benchmarks/campaign.py start [--runs 8]
     python benchmarks/campaign.py kill [--kills 20] [--runs 12]
 
+`scaling` prints the clock's gain and, for a machine that others use too, the two things that it consists of: the
+processor time of the runs with one and with two workers, and how much of the workers' time was spent in runs.
+`many` follows the resident memory of the client (which has the scheduler and the workers of a local campaign in
+it) and of the server that the runs are forked from. `start` times runs of 0.1 s in fresh processes and in forks.
 `kill` sends SIGKILL to the whole campaign (client, workers, runs) at random moments, resumes it with the same
 command, and at the end compares every CSV of the report with that of a campaign that nobody disturbed.
 """
 
 import argparse
+import csv
 import os
 import random
 import signal
@@ -16,6 +23,9 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
+
+import psutil
 
 COMMAND = [sys.executable, "-c", "from analysis.cli import main; main()", "batch"]
 FILE = """title = "Benchmark"
@@ -41,16 +51,111 @@ def timed(file: Path, out: Path, workers: int) -> float:
     return time.perf_counter() - begin
 
 
+class Watch:
+    """Listens to a campaign that runs in this process."""
+
+    def __init__(self, every: int = 0, file: Path | None = None) -> None:
+        self.begin = time.perf_counter()
+        self.ready = float("nan")  # the cluster is there
+        self.done: list[Any] = []
+        self.memory: list[tuple[int, float, float, float]] = []  # runs, MB of client and server, own CPU
+        self._every, self._file = every, file
+
+    def __call__(self, progress: Any) -> None:
+        if progress.last is None:
+            self.ready = time.perf_counter()
+            return
+        self.done.append(progress.last)
+        if self._every and len(self.done) % self._every == 0:
+            from analysis.campaign.engine import _server
+
+            server = psutil.Process(_server.pid)
+            row = (len(self.done), rss_mb(psutil.Process()), rss_mb(server), time.process_time())
+            self.memory.append(row)
+            print(f"{row[0]} runs: client {row[1]:.1f} MB, server {row[2]:.1f} MB, client's processor {row[3]:.1f} s",
+                  flush=True)  # fmt: skip
+            if self._file is not None:
+                with self._file.open("a", newline="") as file:
+                    csv.writer(file).writerow(row)
+
+
+def rss_mb(process: psutil.Process) -> float:
+    """Resident memory."""
+    return float(process.memory_info().rss / 2**20)
+
+
+def watched(file: Path, out: Path, workers: int, watch: Watch) -> float:
+    """Seconds on the clock of a campaign in this process, the cluster's start included."""
+    from analysis.campaign import load, run
+
+    plan = load(file)
+    watch.begin = time.perf_counter()
+    failures = run(plan, out, workers=workers, tell=watch)
+    seconds = time.perf_counter() - watch.begin
+    if failures:
+        raise SystemExit(f"failed: {failures}")
+    return seconds
+
+
 def scaling(work: Path, runs: int, duration_s: float) -> None:
     """One worker, then two."""
     file = work / "campaign.toml"
     file.write_text(FILE.format(scenario="highway", runs=runs, duration=duration_s, fraction=0.1))
-    one, two = timed(file, work / "one", 1), timed(file, work / "two", 2)
-    gain = one / two
-    print(
-        f"{runs} runs of {duration_s:g} s: one worker {one:.1f} s, two {two:.1f} s: {gain:.2f} times as fast"
-    )
-    print(f"core seconds a run: {one / runs:.1f}")
+    clock, cpu = {}, {}
+    for workers in (1, 2):
+        watch, before = Watch(), time.process_time()
+        clock[workers] = watched(file, work / f"{workers}", workers, watch)
+        own = time.process_time() - before
+        inside = sum(done.run_s for done in watch.done)
+        cpu[workers] = sum(done.cpu_s for done in watch.done)
+        outside = sum(done.seconds - done.run_s for done in watch.done[workers:])
+        steady = sum(done.seconds for done in watch.done[workers:])
+        print(
+            f"{workers} workers: {clock[workers]:.1f} s, {cpu[workers] / runs:.2f} core seconds a run; cluster "
+            f"started in {watch.ready - watch.begin:.2f} s; in runs {inside / workers / clock[workers]:.1%} of the "
+            f"workers' time; a run's start by its worker, and its moving in, {outside / steady:.2%} of a run "
+            f"(without the first of each worker); client, scheduler and workers took {own:.2f} s of processor "
+            f"time, {own / cpu[workers]:.2%} of the runs'; load {os.getloadavg()[0]:.1f}",
+            flush=True,
+        )
+    print(f"two workers {clock[1] / clock[2]:.2f} times as fast by the clock")
+
+
+def many(work: Path, runs: int, duration_s: float, workers: int) -> None:
+    """Memory over many short runs."""
+    file, watch = work / "campaign.toml", Watch(every=max(runs // 20, 1))
+    text = FILE.format(scenario="straight", runs=runs, duration=duration_s, fraction=0.02)
+    file.write_text(text.replace("settings = { ", "settings = { warm_up_s = 0.0, "))
+    seconds = watched(file, work / "out", workers, watch)
+    cpu = sum(done.cpu_s for done in watch.done)
+    own = time.process_time()
+    print(f"{runs} runs in {seconds:.0f} s, {cpu / runs:.2f} core seconds each, client {own:.1f} s")
+
+
+def start_up(work: Path, runs: int) -> None:
+    """Runs of 0.1 s: in fresh processes, and in forks of one that has everything loaded."""
+    from analysis.fork_server import ForkServer
+
+    order = {
+        "key": "k", "cell": 0, "scenario": "highway", "seed": 1, "keep": [], "compare_paper": False,
+        "changes": {"duration_s": 0.1, "warm_up_s": 0.0},
+    }  # fmt: skip
+    code = "import sys; from pathlib import Path; from analysis.campaign.one import one; "
+    took: dict[str, list[float]] = {"fresh": [], "fork": []}
+    with ForkServer() as server:
+        from analysis.campaign.one import one
+
+        server.call(one, order, work / "first")
+        for k in range(runs):  # in turns, so that what else the machine does falls on both
+            before = os.times()
+            program = f"{code}one({order!r}, Path({str(work / f'fresh{k}')!r}))"
+            subprocess.run([sys.executable, "-c", program], check=True)
+            after = os.times()
+            cpu = after.children_user + after.children_system - before.children_user - before.children_system
+            took["fresh"].append(cpu)
+            took["fork"].append(server.call(one, order, work / f"fork{k}").cpu_s)
+    for name, values in took.items():
+        print(f"{name}: {sorted(values)[len(values) // 2]:.2f} core seconds a run (median of {runs})")
 
 
 def kill(work: Path, kills: int, runs: int) -> None:
@@ -78,14 +183,19 @@ def kill(work: Path, kills: int, runs: int) -> None:
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=("scaling", "kill"))
+    parser.add_argument("what", choices=("scaling", "many", "start", "kill"))
     parser.add_argument("--runs", type=int)
-    parser.add_argument("--duration", type=float, default=60.0)
+    parser.add_argument("--duration", type=float)
+    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--kills", type=int, default=20)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if options.what == "scaling":
-            scaling(Path(folder), options.runs or 6, options.duration)
+            scaling(Path(folder), options.runs or 6, options.duration or 60.0)
+        elif options.what == "many":
+            many(Path(folder), options.runs or 1000, options.duration or 1.0, options.workers)
+        elif options.what == "start":
+            start_up(Path(folder), options.runs or 8)
         else:
             kill(Path(folder), options.kills, options.runs or 12)
 

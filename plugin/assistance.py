@@ -233,13 +233,15 @@ class DriverAssistance:
         """Score and write what is left; safe to call twice. The simulation goes on."""
         if not self._closed:
             self._closed = True
-            self._scorer.settle(np.inf, final=True)
-            self._rear_end.settle(np.inf, final=True)
-            self.recorder.append("runs", self._run_row())
-            self.recorder.close()
-            if self._capture is not None:
-                self._capture.close()
-            self._vision.close()
+            try:
+                self._scorer.settle(np.inf, final=True)
+                self._rear_end.settle(np.inf, final=True)
+                self.recorder.append("runs", self._run_row())
+            finally:
+                if self._capture is not None:
+                    self._capture.close()
+                self._vision.close()
+                self.recorder.close()
 
     def _run_row(self) -> dict[str, list[Any]]:
         row = {

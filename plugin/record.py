@@ -1,7 +1,9 @@
 """Tables on disk or in memory: chunks of columns in, CSV and Parquet files or pandas tables out."""
 
+import contextlib
 import io
 import os
+import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -61,8 +63,9 @@ class Recorder:
             directory.mkdir(parents=True, exist_ok=True)
             for name, columns in tables.items():
                 schema = arrow_schema(columns)
-                for suffix in ("csv", "parquet", "parquet.part"):  # of an earlier run
+                for suffix in ("csv", "parquet"):  # of an earlier run
                     (directory / f"{name}.{suffix}").unlink(missing_ok=True)
+                shutil.rmtree(_parts(directory / f"{name}.parquet"), ignore_errors=True)
                 if "csv" in formats:
                     self._writers[name].append(_CsvFile(directory / f"{name}.csv", schema))
                 if "parquet" in formats:
@@ -91,15 +94,14 @@ class Recorder:
         schema = arrow_schema(self._schema[name])
         if self.directory is None:
             return to_pandas(pa.concat_tables([schema.empty_table(), *self._memory[name]]))
-        for writer in self._writers[name]:
-            writer.flush()
         return read_table(self.directory, name)
 
     def close(self) -> None:
         """Finish the files; safe to call twice."""
-        for writers in self._writers.values():
-            for writer in writers:
-                writer.close()
+        with contextlib.ExitStack() as every:  # also when one of them fails
+            for writers in self._writers.values():
+                for writer in writers:
+                    every.callback(writer.close)
 
     def _to_arrow(self, name: str, columns: Mapping[str, Any]) -> pa.Table:
         specification = self._schema[name]
@@ -119,22 +121,35 @@ class Recorder:
 
 
 def read_table(directory: Path, name: str) -> pd.DataFrame:
-    """One table of a finished or interrupted run, from Parquet where it is whole, else from CSV.
+    """One table of a finished, interrupted or killed run; a row that was cut short is left out.
 
-    Raises FileNotFoundError where the directory holds neither.
+    Raises FileNotFoundError where the directory holds none.
     """
     parquet, csv = directory / f"{name}.parquet", directory / f"{name}.csv"
     if parquet.exists():
         return to_pandas(pa.parquet.read_table(parquet))
+    parts = sorted(_parts(parquet).glob("*.parquet"))
+    if parts:
+        return to_pandas(pa.concat_tables([pa.parquet.read_table(part) for part in parts]))
     if csv.exists():
-        schema = arrow_schema(TABLES[name])
+        return to_pandas(_read_csv(csv, arrow_schema(TABLES[name])))
+    if _parts(parquet).is_dir():
+        return to_pandas(arrow_schema(TABLES[name]).empty_table())
+    raise FileNotFoundError(f"{directory}: holds no table '{name}' ({csv.name} or {parquet.name})")
+
+
+def _read_csv(csv: Path, schema: pa.Schema) -> pa.Table:
+    with pa.memory_map(str(csv)) if csv.stat().st_size else io.BytesIO() as file:
+        rows = file.read_buffer() if csv.stat().st_size else pa.py_buffer(b"")
+        whole = len(rows)
+        while whole and rows[whole - 1] != ord("\n"):  # killed, or the disk was full, within a row
+            whole -= 1
+        if not whole:
+            return schema.empty_table()
         options = pa.csv.ConvertOptions(
             column_types={field.name: field.type for field in schema}, strings_can_be_null=True
         )
-        if csv.stat().st_size == 0:
-            return to_pandas(schema.empty_table())
-        return to_pandas(pa.csv.read_csv(csv, convert_options=options))
-    raise FileNotFoundError(f"{directory}: holds no table '{name}' ({csv.name} or {parquet.name})")
+        return pa.csv.read_csv(pa.BufferReader(rows.slice(0, whole)), convert_options=options)
 
 
 def to_pandas(table: pa.Table) -> pd.DataFrame:
@@ -143,48 +158,88 @@ def to_pandas(table: pa.Table) -> pd.DataFrame:
 
 
 class _CsvFile:
+    """Rows are written at once or, where that fails, not at all."""
+
     def __init__(self, path: Path, schema: pa.Schema) -> None:
-        self._file = path.open("wb")
-        self._file.write((",".join(schema.names) + "\n").encode())
+        self._path, self._failed = path, False
+        self._file = path.open("wb", buffering=0)
+        self._put((",".join(schema.names) + "\n").encode())
 
     def write(self, table: pa.Table) -> None:
+        if self._failed:  # the rows before are whole; a gap would be worse than an end
+            return
         try:
             rows = _csv_rows(table, "none")
         except pa.ArrowInvalid:  # a comma or quotation mark in a text
             rows = _csv_rows(table, "needed")  # puts every text in quotation marks
-        self._file.write(rows)
-        self._file.flush()
+        self._put(rows)
 
-    def flush(self) -> None:
-        if not self._file.closed:
-            self._file.flush()
+    def _put(self, rows: bytes) -> None:
+        before, left = self._file.tell(), memoryview(rows)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self._failed = True
+            with contextlib.suppress(OSError):
+                self._file.truncate(before)
+            raise _named(error, self._path) from None
 
     def close(self) -> None:
         if not self._file.closed:
-            self._file.flush()
-            os.fsync(self._file.fileno())
-            self._file.close()
+            with self._file:
+                os.fsync(self._file.fileno())
 
 
 class _ParquetFile:
-    """Rows go into `NAME.parquet.part`, which gets its name when its footer is written."""
+    """Rows go into whole files in `NAME.parquet.parts`, which become `NAME.parquet` at the end.
+
+    A Parquet file cannot be read before its footer is written: a killed run leaves its parts.
+    """
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
-        self._path, self._part = path, path.with_name(path.name + ".part")
-        self._writer = pa.parquet.ParquetWriter(self._part, schema, compression="zstd")
-        self._open = True
+        self._path, self._schema, self._folder = path, schema, _parts(path)
+        self._count, self._open, self._failed = 0, True, False
+        self._folder.mkdir(parents=True)
 
     def write(self, table: pa.Table) -> None:
-        self._writer.write_table(table)
-
-    def flush(self) -> None:
-        pass
+        if self._failed:
+            return
+        self._put(self._folder / f"{self._count:06d}.parquet", [table])
+        self._count += 1
 
     def close(self) -> None:
-        if self._open:
-            self._open = False
-            self._writer.close()
-            self._part.replace(self._path)
+        if not self._open:
+            return
+        self._open = False
+        parts = sorted(self._folder.glob("*.parquet"))
+        if len(parts) == 1:
+            parts[0].replace(self._path)
+        else:
+            self._put(self._path, (pa.parquet.read_table(part) for part in parts))
+        shutil.rmtree(self._folder)
+
+    def _put(self, place: Path, tables: Iterable[pa.Table]) -> None:
+        unfinished = self._folder / "unfinished"
+        try:
+            with pa.parquet.ParquetWriter(unfinished, self._schema, compression="zstd") as writer:
+                for table in tables:
+                    writer.write_table(table)
+            unfinished.replace(place)
+        except OSError as error:
+            self._failed = True
+            with contextlib.suppress(OSError):
+                unfinished.unlink(missing_ok=True)
+            raise _named(error, place) from None
+
+
+def _parts(path: Path) -> Path:
+    return path.with_name(path.name + ".parts")
+
+
+def _named(error: OSError, path: Path) -> OSError:
+    reason = os.strerror(error.errno) if error.errno else str(error)
+    return OSError(error.errno or 0, f"cannot be written ({reason}); the rows before are whole", str(path))
 
 
 def _csv_rows(table: pa.Table, quoting_style: str) -> bytes:

@@ -26,6 +26,16 @@ from sumo_net.traffic import TrafficError
 
 _AHEAD = 3  # runs handed to the scheduler per worker
 _LINES = 3  # of what a failed run said
+_DASK = {
+    "distributed.scheduler.allowed-failures": 3,
+    "distributed.comm.timeouts.connect": "10s",
+    # Its watching of itself, 50 times a second, takes 3 % of a core, and remembers thousands of samples.
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.admin.system-monitor.log-length": 60,
+    "distributed.admin.log-length": 1000,
+}
 
 
 class Progress(NamedTuple):
@@ -173,9 +183,7 @@ def work_off(order: dict[str, Any], address: str) -> Done:
 @contextlib.contextmanager
 def _client(workers: int | None, scheduler: str | None) -> Iterator[Client]:
     logging.getLogger("distributed").setLevel(logging.ERROR)
-    with dask.config.set(
-        {"distributed.scheduler.allowed-failures": 3, "distributed.comm.timeouts.connect": "10s"}
-    ):
+    with dask.config.set(_DASK):
         if scheduler is not None:
             try:
                 client = Client(scheduler, timeout="10s")
@@ -192,7 +200,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Client]:
                 threads_per_worker=1,
                 processes=False,
                 memory_limit=0,
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",  # any port: the usual one may be taken
             ) as cluster,
             Client(cluster) as client,
         ):
