@@ -21,11 +21,13 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, NoReturn
 
 _SINGLE = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _MOST_WORDS = 20_000  # bytes of what a call said on standard error
+LOADED = ("analysis.campaign.one", "analysis.simulate", "libsumo", "traci", "sumolib")
 _DIED = "the process that starts the runs was ended"
 
 
@@ -47,7 +49,9 @@ class ServerError(RuntimeError):
 class ForkServer:
     """Runs functions in processes of their own, also from several threads at once; starts at the first call."""
 
-    def __init__(self) -> None:
+    def __init__(self, modules: Iterable[str] = LOADED) -> None:
+        """modules : that the server imports."""
+        self._modules = tuple(modules)
         self._server: tuple[subprocess.Popen[bytes], socket.socket] | None = None
         self._lock = threading.Lock()
         self._closed: set[int] = set()  # pids of servers that were ended here
@@ -98,7 +102,7 @@ class ForkServer:
         with ours:
             with theirs, self._lock:
                 if self._server is None:
-                    self._server = _start()
+                    self._server = _start(self._modules)
                 process, control = self._server
                 with contextlib.suppress(OSError):
                     socket.send_fds(control, [b"call"], [theirs.fileno()])
@@ -117,12 +121,12 @@ class ForkServer:
             control.close()
 
 
-def _start() -> tuple[subprocess.Popen[bytes], socket.socket]:
+def _start(modules: tuple[str, ...]) -> tuple[subprocess.Popen[bytes], socket.socket]:
     single = {name: "1" for name in _SINGLE if name not in os.environ}
     ours, theirs = socket.socketpair()
     with theirs:
         process = subprocess.Popen(
-            [sys.executable, "-m", "analysis.fork_server"],
+            [sys.executable, "-m", "analysis.fork_server", *modules],
             stdin=theirs.fileno(),
             stdout=subprocess.DEVNULL,
             env=os.environ | single | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
@@ -160,6 +164,8 @@ class _Loaded:
 
     def news(self) -> list[tuple[str, str, Any]]:
         """In a fork: what was compiled or loaded here."""
+        if "sumo_net.compile" not in sys.modules:
+            return []
         from sumo_net.compile import KERNELS
 
         every = [(one.py_func.__module__, one.py_func.__qualname__, one.signatures) for one in KERNELS]
@@ -182,7 +188,10 @@ def serve() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for the forks, and for who asks
     control = socket.socket(fileno=os.dup(0))
     os.dup2(1, 0)
-    _preload()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # libsumo's wheel warns about other Arrow versions
+        for module in sys.argv[1:]:
+            importlib.import_module(module)
     _share()
     _Server(control).serve()
 
@@ -243,13 +252,6 @@ class _Server:
         with call.asker, contextlib.suppress(OSError):  # who asked may be gone
             call.asker.sendall(pickle.dumps(outcome))
         self._loaded.load(news)
-
-
-def _preload() -> None:
-    from sumo_net.traffic import preload
-
-    importlib.import_module("analysis.campaign.one")
-    preload()
 
 
 def _share() -> None:

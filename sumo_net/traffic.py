@@ -29,15 +29,6 @@ class TrafficError(RuntimeError):
     """SUMO could not start, or does not run in a way that this project can work with."""
 
 
-def preload() -> None:
-    """Import all that a simulation needs, and start none: for processes that others are forked from."""
-    import sumolib  # noqa: F401
-    import traci.constants
-    import traci.exceptions  # noqa: F401
-
-    _import_libsumo()
-
-
 class NotRunningError(TrafficError):
     """There is no simulation to attach to."""
 
@@ -374,16 +365,11 @@ def _in_process(simulation: Any) -> bool:
     return getattr(simulation, "__name__", "") == "libsumo"
 
 
-def _import_libsumo() -> Any:
+def _start_libsumo(arguments: Sequence[str]) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the wheel warns about other Arrow versions; it does not matter here
         import libsumo
 
-    return libsumo
-
-
-def _start_libsumo(arguments: Sequence[str]) -> Any:
-    libsumo = _import_libsumo()
     if libsumo.isLoaded():
         raise TrafficError("a simulation is already running in this process: close it, or attach to it")
     try:

@@ -1,0 +1,79 @@
+"""Compiled kernels: a cache that is broken, or that cannot be written, stops nobody."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.fork_server import ForkServer
+from sumo_net import compile as compiling
+
+MODULE = """import numpy as np
+from sumo_net.compile import kernel
+
+@kernel
+def double(x):
+    out = np.empty_like(x)
+    for i in range(len(x)):
+        out[i] = 2.0 * x[i]
+    return out
+"""
+
+
+def use(folder: Path) -> tuple[list[float], int]:
+    """In a process of its own: what the kernel gives, and how often the cache had it."""
+    sys.path.insert(0, str(folder))
+    import doubling  # type: ignore[import-not-found]
+
+    return doubling.double(np.arange(3.0)).tolist(), sum(doubling.double.stats.cache_hits.values())
+
+
+def shorten(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:20])
+
+
+def garble(file: Path) -> None:
+    file.write_bytes(b"\x80\x04\x95garbage" + file.read_bytes()[30:])
+
+
+def empty(file: Path) -> None:
+    file.write_bytes(b"")
+
+
+def test_a_broken_cache_is_made_anew(tmp_path: Path) -> None:
+    (tmp_path / "doubling.py").write_text(MODULE)
+    right = [0.0, 2.0, 4.0]
+    with ForkServer(("sumo_net.compile",)) as server:
+        assert server.result(use, tmp_path) == (right, 0)
+        assert server.result(use, tmp_path) == (right, 1)
+        for suffix, spoil in (("nbi", shorten), ("nbc", shorten), ("nbi", empty), ("nbc", garble)):
+            (file,) = (tmp_path / "__pycache__").glob(f"*.{suffix}")
+            spoil(file)
+            assert server.result(use, tmp_path) == (right, 0), (suffix, spoil)
+            assert server.result(use, tmp_path) == (right, 1), (suffix, spoil)
+
+
+def test_without_any_folder_to_write_it_compiles_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise RuntimeError("cannot cache function 'double': no locator available")
+
+    monkeypatch.setattr(compiling.FunctionCache, "__init__", refuse)
+    monkeypatch.setattr(compiling, "KERNELS", [])
+    with pytest.warns(RuntimeWarning, match="NUMBA_CACHE_DIR"):
+        double = compiling.kernel(lambda x: 2.0 * x)
+    assert double(3.0) == 6.0
+
+
+def test_a_cache_on_a_full_disk_is_done_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(compiling.FunctionCache, "save_overload", full)
+    monkeypatch.setattr(compiling, "KERNELS", [])
+
+    @compiling.kernel
+    def triple(x: float) -> float:
+        return 3.0 * x
+
+    assert triple(2.0) == 6.0
