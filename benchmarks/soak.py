@@ -101,8 +101,11 @@ def soak(duration_s: float, equip: float, out: Path, scenario: str, threads: int
             for _ in range(prepared.warm_up_steps):
                 traffic.step()
             for step in range(1, prepared.recorded_steps + 1):
-                traffic.step()
-                adas.step()
+                try:
+                    traffic.step()
+                    adas.step()
+                except KeyboardInterrupt:
+                    break
                 if step % EVERY_STEPS == 0:
                     state = sizes(adas, "adas") | sizes(traffic, "traffic")
                     seen = int(adas._last_handle) + 1
