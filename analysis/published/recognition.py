@@ -7,13 +7,13 @@ how complex its conditions were; ours are the presets `clear` and `complex`.
 """
 
 import concurrent.futures
-import multiprocessing
 import tempfile
 from pathlib import Path
 
 import pandas as pd
 from pydantic import Field
 
+from analysis.fork_server import ForkServer
 from analysis.metrics import distance_km, lane_accuracy
 from analysis.published import comparison
 from analysis.simulate import simulate
@@ -49,11 +49,8 @@ def rates(experiment: Recognition, out: Path | None = None) -> pd.DataFrame:
             for condition in CONDITIONS
             for seed in range(experiment.first_seed, experiment.first_seed + experiment.seeds)
         ]
-        context = multiprocessing.get_context("spawn")  # one SUMO a process
-        with concurrent.futures.ProcessPoolExecutor(
-            experiment.workers, context, max_tasks_per_child=1
-        ) as pool:
-            list(pool.map(_drive, jobs))
+        with ForkServer() as server, concurrent.futures.ThreadPoolExecutor(experiment.workers) as pool:
+            list(pool.map(lambda job: server.result(_drive, job), jobs))
         steps: dict[tuple[str, str], list[pd.DataFrame]] = {}
         for scenario, condition, _, folder, _ in jobs:
             steps.setdefault((scenario, condition), []).append(read_table(folder, "steps"))
