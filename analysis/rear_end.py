@@ -52,10 +52,13 @@ def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
     near = steps[(steps["true_ttc_s"] < NEAR_TTC_S) & steps["true_leader_visible"].fillna(False)]
     # no target, or a gap that seems to open, is an error of unknown size: it counts as infinite
     error = (near["fcw_ttc_s"].fillna(np.inf) - near["true_ttc_s"]).abs()
+    alone = near["fcw_track_ttc_s"] if "fcw_track_ttc_s" in near else pd.Series(np.nan, near.index)
+    by_track = (alone.fillna(np.inf) - near["true_ttc_s"]).abs()
     return {
         "ttc_steps": len(near),
         "ttc_error_median_s": quantile(error, 0.5),
         "ttc_error_p95_s": quantile(error, 0.95),
+        "ttc_track_error_p95_s": quantile(by_track, 0.95),  # of the radar's tracks alone
         "ttc_no_target_rate": mean(near["fcw_track_id"].isna()),
     }
 

@@ -322,10 +322,11 @@ class DriverAssistance:
         )
         readings = self._own.for_radar(own, observing, motion)
         ranging, self._tracked, echo = self._ranging.step(
-            state.ranging, self._tracked, truth, snapshot, motion, readings
+            state.ranging, self._tracked, truth, snapshot, motion, readings, sight.rear
         )
-        bodies = bodies_ahead(echo.tracks, self._tracked.tracks.unseen_s, speed, readings.yaw_rate_rps)
-        vision = self._vision.told(vision, bodies)
+        unseen_s = self._tracked.tracker.tracks.unseen_s
+        bodies = bodies_ahead(echo.tracks, unseen_s, speed, readings.yaw_rate_rps)
+        vision = self._vision.told(vision, bodies, echo.watched)
         self._state = FleetState(truth.handle, sensors, vision, observing, warning_state, ranging)
         self._alerted = self._listeners.of(truth.handle, warning.side != 0)
         braking = self._listeners.of(truth.handle, echo.warning.level > 0)

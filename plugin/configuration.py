@@ -24,6 +24,7 @@ from plugin.motion.observer import ObserverSettings
 from plugin.motion.prediction import PredictionSettings
 from plugin.reaction import Reaction
 from plugin.record import Recording
+from plugin.tracking.closing import Closing
 from plugin.tracking.tracker import TrackerSettings
 from plugin.warning.collision import Collision
 from plugin.warning.departure import DepartureSettings
@@ -58,6 +59,7 @@ class Configuration(Scenario):
     radar: Radar = Field(default_factory=Radar)
     roadside: Roadside = Field(default_factory=Roadside, description="what stands beside the road")
     tracker: TrackerSettings = Field(default_factory=TrackerSettings, description="of the radar")
+    closing: Closing = Field(default_factory=Closing, description="range and speed of the vehicle in path")
     collision: Collision = Field(default_factory=Collision, description="the rear-end warning")
     conflicts: ConflictSettings = Field(
         default_factory=ConflictSettings, description="which rear-end conflicts count, and their warnings"
@@ -76,6 +78,11 @@ class Configuration(Scenario):
     def observing(self) -> ObserverSettings:
         """The observer's settings in this run's mode."""
         return dataclasses.replace(self.observer, mode=self.mode)
+
+    @property
+    def following(self) -> Closing:
+        """How vehicles in path are followed in this run's mode: if published, by their tracks alone."""
+        return dataclasses.replace(self.closing, enabled=self.closing.enabled and self.mode != "paper")
 
     @property
     def predicting(self) -> PredictionSettings:

@@ -5,12 +5,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from camera_synth.camera import projection
 from ego_synth.sensors import Readings
 from plugin.configuration import Configuration
 from plugin.lane.hidden import Bodies
 from plugin.motion.estimate import MotionEstimate
 from plugin.tracking import classification
-from plugin.tracking.detections import Detections, EgoMotion
+from plugin.tracking.closing import ClosingFilter, ClosingState
+from plugin.tracking.detections import Detections, EgoMotion, Estimate, sensor_motion
+from plugin.tracking.rear_view import RearView, Watched, watch
 from plugin.tracking.tracker import Tracker, TrackerSettings, TrackerState, TrackList
 from plugin.warning import collision
 from plugin.warning.collision import Collision, CollisionState, CollisionWarning, InPath
@@ -40,12 +43,21 @@ class RangingState(NamedTuple):
     collision: CollisionState
 
 
+class Tracked(NamedTuple):
+    """What the fleet's tracks carry from scan to scan."""
+
+    tracker: TrackerState
+    leaders: ClosingState
+
+
 class Echo(NamedTuple):
     """What came of one scan of n vehicles."""
 
     tracks: TrackList  # T tracks of the fleet, x and y from the centre of gravity
     in_path: InPath  # (T,)
     warning: CollisionWarning  # (n,)
+    track_ttc_s: Array  # (n,) to the warning's target by its track alone
+    watched: Watched  # the target's rear in the next frame, (n,)
     objects: Objects  # truth from here on: bodies that reach into the field of view, (n, M)
     seen: Sightings  # (n, M)
     behind: ScanTruth  # (n, D)
@@ -59,6 +71,11 @@ class Ranging:
         self._seed = seed
         self._radar = configuration.radar
         self._tracker = Tracker(mounted(configuration.tracker, configuration.radar.mount_forward_m))
+        self._mount_m = configuration.radar.mount_forward_m
+        self._projection = projection(configuration.camera)
+        self._closing = ClosingFilter(
+            configuration.following, configuration.tracker.filters.noise, self._mount_m, self._projection
+        )
         self._collision = at_bumper(configuration.collision, configuration.vehicle.bumper_m)
         self._roadside = place(
             configuration.roadside, roads.graph, roads.shoulder_right_m, roads.shoulder_left_m
@@ -70,27 +87,30 @@ class Ranging:
         n = len(keys)
         return RangingState(np.array(keys, np.uint64), np.zeros(n, np.int64), collision.init(n))
 
-    def no_tracks(self) -> TrackerState:
-        """The tracker of an empty fleet."""
-        return self._tracker.init(0)
+    def no_tracks(self) -> Tracked:
+        """The tracks of an empty fleet."""
+        return Tracked(self._tracker.init(0), self._closing.init())
 
-    def reindex(self, tracked: TrackerState, rows: Array) -> TrackerState:
+    def reindex(self, tracked: Tracked, rows: Array) -> Tracked:
         """Tracks for a changed fleet: its vehicle i is the old row rows[i], or a new one where that is -1."""
-        return self._tracker.reindex(tracked, rows)
+        return Tracked(
+            self._tracker.reindex(tracked.tracker, rows), self._closing.reindex(tracked.leaders, rows)
+        )
 
     def step(
         self,
         state: RangingState,
-        tracked: TrackerState,
+        tracked: Tracked,
         truth: EgoTruth,
         snapshot: Snapshot,
         motion: MotionEstimate,
         readings: Readings,
-    ) -> tuple[RangingState, TrackerState, Echo]:
+        rear: RearView,
+    ) -> tuple[RangingState, Tracked, Echo]:
         """Scan, track and warn, for n > 0 vehicles.
 
-        `motion` is what the observer says, `readings` are the vehicle's own sensors'. The truth is for the
-        radar's synthesiser alone.
+        `motion` is what the observer says, `readings` are the vehicle's own sensors', `rear` is what the
+        camera saw of the target. The truth is for the radar's synthesiser alone.
         """
         objects = objects_in_view(self._radar, truth, snapshot, self._roadside)
         own = OwnMotion(truth.speed_mps, truth.lateral_speed_mps, truth.yaw_rate_rps)
@@ -110,8 +130,14 @@ class Ranging:
             readings.yaw_rate_rps,
             np.nan_to_num(motion.lateral_speed_mps),
         )
-        tracked, tracks = self._tracker.step(tracked, detections, ego, STEP_S)
-        targets = collision.targets_from(tracks, tracked.tracks.unseen_s)
+        tracker, tracks = self._tracker.step(tracked.tracker, detections, ego, STEP_S)
+        leaders, followed = tracked.leaders, tracks
+        if self._closing.options.enabled:
+            leaders, followed = self._closing.step(
+                leaders, tracks, detections, sensor_motion(ego, self._mount_m), rear, state.collision.inside,
+                STEP_S,
+            )  # fmt: skip
+        targets = collision.targets_from(followed, tracker.tracks.unseen_s)
         warned, warning, in_path = collision.step(
             state.collision,
             targets,
@@ -123,7 +149,25 @@ class Ranging:
         )
         after = RangingState(state.radar_key, state.scan + 1, warned)
         place = flat.owner, flat.column
-        return after, tracked, Echo(tracks, in_path, warning, objects, seen, behind, place)
+        alone = collision.time_by_tracks(tracks, warning.row, ego.speed_mps, self._collision)
+        watched = self._next_rears(followed, warning, ego, rear)
+        return (
+            after,
+            Tracked(tracker, leaders),
+            Echo(tracks, in_path, warning, alone, watched, objects, seen, behind, place),
+        )
+
+    def _next_rears(
+        self, tracks: TrackList, warning: CollisionWarning, ego: EgoMotion, rear: RearView
+    ) -> Watched:
+        """The targets' rears where they will be in the next frame."""
+        rows = np.flatnonzero(warning.row >= 0)
+        e = select(tracks.estimate, warning.row[rows])
+        x, y, next_x, next_y = (np.full(len(warning.row), np.nan) for _ in range(4))
+        x[rows], y[rows] = e.x_m, e.y_m
+        next_x[rows], next_y[rows] = _next_place(e, ego.speed_mps[rows], ego.yaw_rate_rps[rows])
+        turn = ego.yaw_rate_rps * STEP_S
+        return watch(warning.track_id, (x, y), (next_x, next_y), rear, turn, self._projection)
 
 
 def bodies_ahead(tracks: TrackList, unseen_s: Array, speed_mps: Array, yaw_rate_rps: Array) -> Bodies:
@@ -139,10 +183,14 @@ def bodies_ahead(tracks: TrackList, unseen_s: Array, speed_mps: Array, yaw_rate_
     )
     chosen = np.flatnonzero(tracks.confirmed & moving & (unseen_s <= _LATELY_S))
     owner, e = tracks.owner[chosen], select(tracks.estimate, chosen)
-    turn = yaw_rate_rps[owner] * STEP_S
-    return Bodies(
-        owner,
-        e.x_m + (e.vx_mps - speed_mps[owner]) * STEP_S + turn * e.y_m,
+    return Bodies(owner, *_next_place(e, speed_mps[owner], yaw_rate_rps[owner]))
+
+
+def _next_place(e: Estimate, speed_mps: Array, yaw_rate_rps: Array) -> tuple[Array, Array]:
+    """(x, y) of tracks in the axes of the next step; speed and yaw rate (T,) of the vehicle of each."""
+    turn = yaw_rate_rps * STEP_S
+    return (
+        e.x_m + (e.vx_mps - speed_mps) * STEP_S + turn * e.y_m,
         e.y_m + e.vy_mps * STEP_S - turn * e.x_m,
     )
 

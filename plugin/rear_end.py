@@ -73,6 +73,7 @@ class RearEndScorer:
             "true_gap_m": leader.gap_m,
             "true_ttc_s": leader.ttc_s,
             "true_leader_visible": visible,
+            "fcw_track_ttc_s": echo.track_ttc_s,
         }
 
     def latest_of(self, handle: int) -> dict[str, Array]:

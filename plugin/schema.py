@@ -98,6 +98,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("true_x_m", "centre of gravity in SUMO's network, east", decimals=3),
         Column("true_y_m", "north", decimals=3),
         Column("true_lane_width_m", "width of the marked lane it is in", decimals=3),
+        Column("fcw_track_ttc_s", "as fcw_ttc_s, by the radar's track alone", decimals=3),
     ),
     "predictions": (
         _RUN,

@@ -23,6 +23,7 @@ from plugin.lane.geometry import lane_estimate_from_borders, marking_centres
 from plugin.lane.hidden import Bodies, hidden_by, nothing_hidden
 from plugin.lane.refine import LaneState
 from plugin.recognition_kernels import ROW_STEP, ROWS, judge
+from plugin.tracking.rear_view import RearView, Watched, look, nobody_watched
 from sumo_net.batch import join, select
 from sumo_net.randomness import stream_key
 from sumo_net.road import OWN_RIGHT, RoadAhead
@@ -54,6 +55,7 @@ class VisionState(NamedTuple):
     frame: Array  # (n,) int64
     looks: Looks
     hidden: Array  # (n, BODIES, COLUMNS) what vehicles ahead hide, by the radar's tracks of the step before
+    watched: Watched  # the vehicle in path, by them
     lane: LaneState  # default mode
     search: SearchState  # published search: of paper mode, or what starts the default mode
     beside: SearchState  # the published search on every frame, for comparison
@@ -67,6 +69,7 @@ class Sight(NamedTuple):
     columns: Array  # (n, 2, ROWS) where the left and the right marking's centres are taken to be, at JUDGED_Y
     recognised: Array  # (n,) int8: 1, 0, or -1 where no marking showed
     beside_recognised: Array  # (n,) int8, -1 where it does not run
+    rear: RearView  # of the vehicle in path
 
 
 class Vision:
@@ -97,6 +100,7 @@ class Vision:
             np.zeros(n, np.int64),
             looks(self._configuration.condition, n),
             nothing_hidden(n),
+            nobody_watched(n),
             refine.init(n),
             genetic.init(keys("search")),
             genetic.init(keys("search beside")),
@@ -114,9 +118,13 @@ class Vision:
         done = list(run(self._chunk, work))
         return join(*(after for after, _ in done)), join(*(sight for _, sight in done))
 
-    def told(self, state: VisionState, bodies: Bodies) -> VisionState:
-        """The state for a next frame in which these bodies hide the road, (B,) where they will be then."""
-        return state._replace(hidden=hidden_by(bodies, len(state.frame), self._projection))
+    def told(self, state: VisionState, bodies: Bodies, watched: Watched) -> VisionState:
+        """The state for a next frame in which these bodies hide the road, (B,) where they will be then.
+
+        watched : the rears to look at, (n,).
+        """
+        hidden = hidden_by(bodies, len(state.frame), self._projection)
+        return state._replace(hidden=hidden, watched=watched)
 
     def close(self) -> None:
         """End the threads."""
@@ -193,7 +201,8 @@ class Vision:
             beside_verdict = self._judge(scene, state.looks, self._parabola_columns(found), truth)
         after = state._replace(frame=state.frame + 1, lane=lane_state, search=search, beside=beside)
         verdict = self._judge(scene, state.looks, columns, truth)
-        return after, Sight(lane, borders, columns, verdict, beside_verdict)
+        rear = look(frames, state.watched, self._projection)
+        return after, Sight(lane, borders, columns, verdict, beside_verdict, rear)
 
     def _start(
         self, frames: Array, lane: LaneState, search: SearchState

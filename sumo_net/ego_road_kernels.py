@@ -89,9 +89,9 @@ def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper,
         path = motion.path[i]
         along = stretch_of(table, path) * speed[i]
         place = station_of(table, path, lane_position[i]) - bumper
-        # The vehicle moves as far as SUMO's does on its lane (whose step may be Euler or ballistic) and closes
+        # The vehicle moves as far as SUMO's does on its lane (its step may be Euler or ballistic), and closes
         # up on SUMO's place slowly: where lanes join or change, SUMO's lengths and the path's differ by up to
-        # a metre, too much for one step. There, and where SUMO has moved it elsewhere, the speed tells the way.
+        # a metre, too much for one step. There, and where SUMO puts it elsewhere, its speed tells the way.
         way = place + bumper - station_of(table, path, motion.lane_position_m[i])
         if not abs(way - STEP_S * along) < ODD_WAY_M:
             way = STEP_S * along

@@ -52,6 +52,7 @@ __all__ = [
     "init",
     "step",
     "targets_from",
+    "time_by_tracks",
 ]
 
 CODES = ("inactive", "ready", "reminder", "danger", "suppressed")
@@ -277,6 +278,20 @@ def step(
     kernels.in_path(targets, motion, speed_mps, yaw_rate_rps, path, state.inside, new.inside, *found)
     kernels.step(state, targets, found.inside, speed_mps, acceleration_mps2, warn, new, out)
     return new, out, found
+
+
+def time_by_tracks(tracks: TrackList, row: Array, speed_mps: Array, options: Collision) -> Array:
+    """Time to collision (n,) with the tracks `row` (n,), -1 for none, as `step` has it of what it is given.
+
+    NaN where there is none, inf where the gap opens. speed_mps (n,).
+    """
+    out = np.full(len(row), np.nan)
+    there = np.flatnonzero(row >= 0)
+    gap = np.maximum(tracks.estimate.x_m[row[there]] - options.bumper_m, 0.0)
+    closing = np.maximum(speed_mps[there], 0.0) - np.maximum(tracks.estimate.vx_mps[row[there]], 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out[there] = np.where(closing > 0.0, gap / closing, np.inf)
+    return out
 
 
 def _blank(n: int) -> CollisionWarning:

@@ -1,0 +1,157 @@
+"""Kernel of the closing filter: several Singer models of a leader, mixed; radar and camera measure."""
+
+import math
+
+import numpy as np
+
+from sumo_net.compile import kernel
+
+RANGE, SPEED, ACCELERATION, WIDTH = range(4)
+_N = 4
+_NEAREST_M = 0.1
+MISFITS = 5  # widths in a row that do not fit the one learned
+
+
+@kernel
+def _update(x, P, y, h, variance):  # type: ignore[no-untyped-def]
+    """Update x (4,), P (4, 4) in place with a scalar innovation y, row h (4,); gives its log-likelihood."""
+    Ph = np.zeros(_N)
+    s = variance
+    for i in range(_N):
+        for j in range(_N):
+            Ph[i] += P[i, j] * h[j]
+        s += h[i] * Ph[i]
+    for i in range(_N):
+        x[i] += Ph[i] / s * y
+        for j in range(_N):
+            P[i, j] -= Ph[i] * Ph[j] / s
+    return -0.5 * (y * y / s + math.log(s))
+
+
+@kernel
+def _spread(P, h, variance):  # type: ignore[no-untyped-def]
+    """Variance of a scalar innovation with row h (4,)."""
+    s = variance
+    for i in range(_N):
+        for j in range(_N):
+            s += h[i] * P[i, j] * h[j]
+    return s
+
+
+@kernel
+def _width_row(x, width_px, p, h):  # type: ignore[no-untyped-def]
+    """Innovation of a width in the image; h (4,) gets the row of its derivatives."""
+    depth = max(x[RANGE] + p.ahead, _NEAREST_M)
+    expected = p.focal * x[WIDTH] / depth
+    h[:] = 0.0
+    h[RANGE], h[WIDTH] = -expected / depth, p.focal / depth
+    return width_px - expected
+
+
+@kernel
+def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, d, p, out):  # type: ignore[no-untyped-def]
+    """One step of T tracks over d seconds in place, the mixture's mean into out (T, 4).
+
+    x (T, r, 4), P (T, r, 4, 4), mu (T, r), own_before and misfits (T,): a ClosingState's. own (T,): the
+    radar's speed along the line of sight now. z_range, z_rate, width_px (T,) are NaN where nothing was
+    measured. p: ClosingNumbers. The process noise of a step is that of an acceleration which changes evenly
+    over it, by σ² (1 - e^(-2 d / time)).
+    """
+    tracks, r = len(x), x.shape[1]
+    x0, P0, c, log_mu = np.empty((r, _N)), np.empty((r, _N, _N)), np.empty(r), np.empty(r)
+    F, A, h = np.eye(_N), np.empty((_N, _N)), np.empty(_N)
+    for t in range(tracks):
+        for j in range(r):  # mixing
+            total = 0.0
+            for i in range(r):
+                total += p.markov[i, j] * mu[t, i]
+            c[j] = total
+            for a in range(_N):
+                x0[j, a] = 0.0
+                for i in range(r):
+                    x0[j, a] += p.markov[i, j] * mu[t, i] / total * x[t, i, a]
+            for a in range(_N):
+                for b in range(_N):
+                    P0[j, a, b] = 0.0
+                    for i in range(r):
+                        P0[j, a, b] += (
+                            p.markov[i, j] * mu[t, i] / total
+                            * (P[t, i, a, b] + (x[t, i, a] - x0[j, a]) * (x[t, i, b] - x0[j, b]))
+                        )  # fmt: skip
+        highest = -math.inf
+        for j in range(r):
+            e = math.exp(-d / p.time)
+            F[0, 1], F[0, 2], F[1, 2], F[2, 2] = d, 0.5 * d * d, d, e
+            for a in range(_N):
+                x[t, j, a] = 0.0
+                for b in range(_N):
+                    x[t, j, a] += F[a, b] * x0[j, b]
+                    A[a, b] = 0.0
+                    for k in range(_N):
+                        A[a, b] += F[a, k] * P0[j, k, b]
+            for a in range(_N):
+                for b in range(_N):
+                    P[t, j, a, b] = 0.0
+                    for k in range(_N):
+                        P[t, j, a, b] += A[a, k] * F[b, k]
+            x[t, j, RANGE] = max(x[t, j, RANGE] - 0.5 * (own[t] + own_before[t]) * d, _NEAREST_M)
+            q = p.sigma[j] ** 2 * (1.0 - e * e)
+            g0, g1 = d * d / 6.0, 0.5 * d
+            P[t, j, 0, 0] += q * g0 * g0
+            P[t, j, 0, 1] += q * g0 * g1
+            P[t, j, 1, 0] += q * g0 * g1
+            P[t, j, 0, 2] += q * g0
+            P[t, j, 2, 0] += q * g0
+            P[t, j, 1, 1] += q * g1 * g1
+            P[t, j, 1, 2] += q * g1
+            P[t, j, 2, 1] += q * g1
+            P[t, j, 2, 2] += q
+            P[t, j, 3, 3] += p.width_walk**2 * d
+            log_mu[j] = math.log(max(c[j], 1e-300))
+        own_before[t] = own[t]
+        if math.isfinite(z_range[t]):
+            fits = False  # the second point of a long body lies metres further
+            h[:] = 0.0
+            h[RANGE] = 1.0
+            for j in range(r):
+                y = z_range[t] - x[t, j, RANGE]
+                fits = fits or y * y < p.gate * _spread(P[t, j], h, p.range_noise**2)
+            for j in range(r):
+                h[:] = 0.0
+                h[RANGE] = 1.0
+                if fits:
+                    log_mu[j] += _update(x[t, j], P[t, j], z_range[t] - x[t, j, RANGE], h, p.range_noise**2)
+                h[:] = 0.0
+                h[SPEED] = 1.0
+                y = z_rate[t] + own[t] - x[t, j, SPEED]
+                log_mu[j] += _update(x[t, j], P[t, j], y, h, p.rate_noise**2)
+        if math.isfinite(width_px[t]):
+            variance = p.edge_px**2 + (p.edge_share * width_px[t]) ** 2
+            fits = False
+            for j in range(r):
+                y = _width_row(x[t, j], width_px[t], p, h)
+                fits = fits or y * y < p.gate * _spread(P[t, j], h, variance)
+            misfits[t] = 0 if fits else misfits[t] + 1
+            for j in range(r):
+                if misfits[t] >= MISFITS:  # it was something else's width that was learned: begin anew
+                    P[t, j, WIDTH, :] = 0.0
+                    P[t, j, :, WIDTH] = 0.0
+                    P[t, j, WIDTH, WIDTH] = p.width_std**2
+                    x[t, j, WIDTH] = p.width
+                if fits:
+                    y = _width_row(x[t, j], width_px[t], p, h)
+                    log_mu[j] += _update(x[t, j], P[t, j], y, h, variance)
+            if misfits[t] >= MISFITS:
+                misfits[t] = 0
+        for j in range(r):
+            highest = max(highest, log_mu[j])
+        total = 0.0
+        for j in range(r):
+            mu[t, j] = math.exp(log_mu[j] - highest)
+            total += mu[t, j]
+        for a in range(_N):
+            out[t, a] = 0.0
+        for j in range(r):
+            mu[t, j] /= total
+            for a in range(_N):
+                out[t, a] += mu[t, j] * x[t, j, a]

@@ -1,0 +1,177 @@
+"""Kernels that find the two sides of a vehicle's rear in a frame, to a fraction of a pixel."""
+
+import math
+
+import numpy as np
+
+from camera_synth.camera import image_from_vehicle
+from sumo_net.compile import kernel
+
+# Heights on the body over which its sides are looked for: what is painted, and where that is as grey as the
+# road, the dark strip. Lower on the strip its shadow is wider, higher up the lane's lines show close to it.
+_ZONES_M = (0.26, 0.46, 0.15, 0.21)
+_NEAREST_M, _FURTHEST_M = 3.0, 80.0  # nearer than this a body fills the image
+_BAND_LOW_M, _BAND_HIGH_M = (
+    0.13,
+    0.21,
+)  # of the dark strip at the foot: tyres, bumper; lower, its shadow is wider
+_DARK = 0.65  # its grey over the road's at most
+_MIDDLE_M = 0.4  # to each side of the middle: where the foot is looked for
+_SLACK_M, _SLACK_PX = 1.5, 4.0  # how far off the expected foot, by the radar's range and the own pitch
+_ROAD_M = 2.0  # the road's grey is read so much nearer than that
+_NARROWEST_M, _WIDEST_M = 1.2, 3.4
+_REACH_PX, _MOST_PX = 2.0, 8.0  # how far off an expected side it may be, beside this in metres:
+_AFTER_STRIP_M, _AFTER_FRAME_M = 0.05, 0.05
+_CONTRAST = 12.0  # least step of the grey at a side, over the root of the rows averaged
+_DISTINCT = 2.5  # and over the usual step beside it
+
+
+@kernel
+def _row(height_m, x, y, p):  # type: ignore[no-untyped-def]
+    """Row (y up) of a point over the road point (x, y)."""
+    _, row, _ = image_from_vehicle(x, y, height_m, p)
+    return row
+
+
+@kernel
+def _mean(frame, row, first, last):  # type: ignore[no-untyped-def]
+    """Mean grey of the columns first..last of row y = `row`."""
+    total, line = 0.0, frame[frame.shape[0] - 1 - row]
+    for c in range(first, last + 1):
+        total += line[c]
+    return total / (last - first + 1)
+
+
+@kernel
+def _run(line, start, step, dark):  # type: ignore[no-untyped-def]
+    """Column where the dark run around `start` ends in the direction of `step`; NaN at the image's edge."""
+    c = start
+    while True:
+        c += step
+        if c < 1 or c > line.shape[0] - 2:
+            return math.nan
+        if line[c] >= dark and line[c + step] >= dark:
+            return c - 0.5 * step
+
+
+@kernel
+def strip(frame, x, y, p):  # type: ignore[no-untyped-def]
+    """The dark strip under a body expected at (x, y): its columns (left, right), and by how many rows its
+    foot stands higher than expected.
+    """
+    height, width = frame.shape
+    column, _, depth = image_from_vehicle(x, y, 0.0, p)
+    if not depth > 3.0:
+        return math.nan, math.nan, 0.0
+    scale = p.focal / depth
+    first, last = int(max(column - _MIDDLE_M * scale, 1)), int(min(column + _MIDDLE_M * scale, width - 2))
+    lowest = max(_row(0.0, max(x - _SLACK_M, 3.0), y, p) - _SLACK_PX, 0.0)
+    highest = min(_row(0.0, x + _SLACK_M, y, p) + _SLACK_PX, height - 3.0)
+    road_row = max(_row(0.0, max(x - _SLACK_M - _ROAD_M, 3.0), y, p) - _SLACK_PX, 0.0)
+    if last - first < 2 or road_row >= height:
+        return math.nan, math.nan, 0.0
+    dark = _DARK * _mean(frame, int(road_row), first, last)
+    foot, before = -1, _mean(frame, int(lowest), first, last)
+    if before < dark:
+        return math.nan, math.nan, 0.0  # the foot is below the image
+    for row in range(int(lowest) + 1, int(highest) + 1):
+        if _mean(frame, row, first, last) < dark and _mean(frame, row + 1, first, last) < dark:
+            foot = row
+            break
+    if foot < 0:
+        return math.nan, math.nan, 0.0
+    left, right, rows = 0.0, 0.0, 0
+    low, high = foot + _BAND_LOW_M * scale, foot + _BAND_HIGH_M * scale
+    for row in range(math.ceil(low), min(math.floor(high), height - 1) + 1):
+        line = frame[height - 1 - row]
+        start, nearest = -1, math.inf
+        for c in range(first, last + 1):
+            if line[c] < dark and abs(c - column) < nearest:
+                start, nearest = c, abs(c - column)
+        if start < 0:
+            continue
+        one, other = _run(line, start, -1, dark), _run(line, start, 1, dark)
+        if _NARROWEST_M * scale <= other - one <= _WIDEST_M * scale:
+            left, right, rows = left + one, right + other, rows + 1
+    if rows == 0:
+        return math.nan, math.nan, 0.0
+    return left / rows, right / rows, foot - _row(0.0, x, y, p)
+
+
+@kernel
+def _side(profile, expected, reach):  # type: ignore[no-untyped-def]
+    """(column, step) of the strongest step of a profile (width,) within `reach` of the expected column.
+
+    The step is 0 where none stands out.
+    """
+    low, high = math.floor(expected - reach), math.ceil(expected + reach)
+    if low < 2 or high > profile.shape[0] - 4:
+        return math.nan, 0.0
+    best, at, total = 0.0, low, 0.0
+    for c in range(low, high + 1):  # a side within a pixel shows in two steps of the same sign
+        total += abs(profile[c + 1] - profile[c])
+        size = abs(profile[c + 2] - profile[c])
+        if size > best:
+            best, at = size, c
+    before, after = 0.5 * (profile[at - 2] + profile[at - 1]), 0.5 * (profile[at + 3] + profile[at + 4])
+    before, after = 0.5 * (before + profile[at]), 0.5 * (after + profile[at + 2])
+    step = after - before
+    if abs(step) * (high - low + 1) < _DISTINCT * total:
+        return math.nan, 0.0
+    covered = (after - profile[at + 1]) / step  # this share of the pixel between is still as before
+    return at + 0.5 + min(max(covered, 0.0), 1.0), abs(step)
+
+
+@kernel
+def sides(frame, x, y, lift, left, right, reach_m, profile, p):  # type: ignore[no-untyped-def]
+    """(left, right) columns of the sides of a body at (x, y), expected at `left` and `right`.
+
+    lift : rows by which it stands higher in the image than (x, y) says; profile (width,) is scratch. NaN
+    where a side is not to be seen.
+    """
+    height, width = frame.shape
+    scale = p.focal / max(x - p.forward, 1.0)
+    reach = min(_REACH_PX + reach_m * scale, _MOST_PX)
+    found = np.full(2, math.nan)
+    for k in range(2):
+        expected = left if k == 0 else right
+        if not 0.0 <= expected <= width - 1.0:
+            return math.nan, math.nan
+        first, last = int(max(expected - reach - 4, 0)), int(min(expected + reach + 6, width - 1))
+        for zone in range(2):
+            low = max(round(_row(_ZONES_M[2 * zone], x, y, p) + lift), 0)
+            high = min(round(_row(_ZONES_M[2 * zone + 1], x, y, p) + lift), height - 1)
+            rows = high - low + 1
+            if rows < 1 or math.isfinite(found[k]):
+                continue
+            for c in range(first, last + 1):
+                total = 0.0
+                for row in range(low, high + 1):
+                    total += frame[height - 1 - row, c]
+                profile[c] = total / rows
+            column, step = _side(profile, expected, reach)
+            if step * math.sqrt(rows) > _CONTRAST:
+                found[k] = column
+    if not _NARROWEST_M * scale <= found[1] - found[0] <= _WIDEST_M * scale:
+        return math.nan, math.nan
+    return found[0], found[1]
+
+
+@kernel
+def look_fleet(frames, watched, p, out):  # type: ignore[no-untyped-def]
+    """`RearView` of n vehicles into `out`, which is empty before; frames (n, rows, columns)."""
+    profile = np.zeros(frames.shape[2])
+    for i in range(frames.shape[0]):
+        x, y = watched.x_m[i], watched.y_m[i]
+        if watched.track_id[i] < 0 or not _NEAREST_M < x - p.forward < _FURTHEST_M:
+            continue
+        # The strip at the foot is told from the lane's lines behind the body; the frame before is not.
+        left, right, lift = strip(frames[i], x, y, p)
+        if math.isfinite(left):
+            left, right = sides(frames[i], x, y, lift, left, right, _AFTER_STRIP_M, profile, p)
+        if math.isnan(left) and math.isfinite(watched.left_px[i] + watched.right_px[i]):
+            left, right = watched.left_px[i], watched.right_px[i]
+            left, right = sides(frames[i], x, y, 0.0, left, right, _AFTER_FRAME_M, profile, p)
+        if math.isfinite(left):
+            out.track_id[i] = watched.track_id[i]
+            out.left_px[i], out.right_px[i] = left, right

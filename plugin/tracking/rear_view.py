@@ -1,0 +1,75 @@
+"""The rear of the vehicle ahead in the camera's frames: where its sides are, and so how wide it looks.
+
+As it comes nearer it looks wider, in proportion to one over its distance, whatever the own pitch: braking
+shifts a body's foot in the image by many pixels, its width by none. A body is first found by the dark strip
+at its foot, later where its sides were in the frame before.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from camera_synth.camera import Projection
+from plugin.tracking.rear_kernels import look_fleet
+
+Array = np.ndarray[Any, Any]
+
+NOBODY = -1
+
+
+class Watched(NamedTuple):
+    """The body that each of n cameras looks for in its next frame, (n,) each."""
+
+    track_id: Array  # int64, -1 for none
+    x_m: Array  # its nearest point as it is expected then, from the centre of gravity
+    y_m: Array
+    left_px: Array  # columns of its sides as expected then; NaN where they were not seen lately
+    right_px: Array
+
+
+class RearView(NamedTuple):
+    """What n cameras saw of it, (n,) each; NaN where a side was not to be seen."""
+
+    track_id: Array  # int64, -1 for none
+    left_px: Array
+    right_px: Array
+
+
+def nobody_watched(n: int) -> Watched:
+    """n cameras with nothing to look for."""
+    return Watched(np.full(n, NOBODY, np.int64), *(np.full(n, np.nan) for _ in range(4)))
+
+
+def nothing_seen(n: int) -> RearView:
+    """n cameras that saw nothing."""
+    return RearView(np.full(n, NOBODY, np.int64), np.full(n, np.nan), np.full(n, np.nan))
+
+
+def look(frames: Array, watched: Watched, projection: Projection) -> RearView:
+    """The sides of the bodies watched in frames (n, rows, columns) uint8 whose last row is the image's."""
+    seen = nothing_seen(len(watched.track_id))
+    look_fleet(frames, watched, projection, seen)
+    return seen
+
+
+def watch(
+    track_id: Array,
+    now_m: tuple[Array, Array],
+    next_m: tuple[Array, Array],
+    view: RearView,
+    turn_rad: Array,
+    projection: Projection,
+) -> Watched:
+    """What to look for next: the bodies `track_id` (n,), -1 for none.
+
+    now_m, next_m : (x, y) of each body, (n,), in this frame and the next; turn_rad (n,) : yaw between both.
+    """
+    ratio = (now_m[0] - projection.forward) / np.maximum(next_m[0] - projection.forward, 1.0)
+    shift = projection.focal * np.tan(turn_rad)
+    same = (view.track_id == track_id) & (track_id != NOBODY)
+
+    def moved(column: Array) -> Array:
+        ahead = projection.center_x + (column - projection.center_x) * ratio + shift
+        return np.where(same, ahead, np.nan)
+
+    return Watched(track_id, next_m[0], next_m[1], moved(view.left_px), moved(view.right_px))
