@@ -58,7 +58,9 @@ def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
         "ttc_steps": len(near),
         "ttc_error_median_s": quantile(error, 0.5),
         "ttc_error_p95_s": quantile(error, 0.95),
-        "ttc_track_error_p95_s": quantile(by_track, 0.95),  # of the radar's tracks alone
+        "ttc_track_error_median_s": quantile(by_track, 0.5),  # of the radar's tracks alone
+        "ttc_track_error_p95_s": quantile(by_track, 0.95),
+        "ttc_error_apart_p95_s": quantile(error[near["true_gap_m"] > 0.0], 0.95),  # before bodies overlap
         "ttc_no_target_rate": mean(near["fcw_track_id"].isna()),
     }
 

@@ -94,6 +94,7 @@ def _rear_end(f: dict[str, float]) -> list[tuple[str, str]]:
     rows += [(f"{level} warnings", _by_outcome(f, f"fcw_{level}")) for level in ("reminder", "danger")]
     if f["ttc_steps"]:
         rows.append(("TTC error below 3 s", _tlc(f, "ttc")))
+        rows.append(("  by the track alone", _tlc(f, "ttc_track")))
     rows.append(
         ("radar tracks", f"{f['track_steps']:.0f} rows, class right in {_share(f['class_accuracy'], 'them')}")
     )
