@@ -28,7 +28,7 @@ def _tlc(
     picture: Array, step: "pd.Series[float]", left: float, upper: float, lower: float, width: float
 ) -> None:
     value, side = step["tlc_s"], step["tlc_side"]
-    locked = bool(step["lane_locked"])
+    locked = bool(step["lane_locked"]) and str(step["ldw_state"]) != "lane not seen"
     if not locked:
         words = "lane not seen"
     elif pd.isna(value):

@@ -337,7 +337,9 @@ class DriverAssistance:
         columns["true_state"] = self._points(actual_path)
         columns |= self._rear_end.add(snapshot, truth, echo)
         self._scorer.add(columns)
-        now = Moment(self._traffic.time_s, truth.handle, state.vision, scene, sight, paths["predicted"])
+        now = Moment(
+            self._traffic.time_s, truth.handle, state.vision, scene, sight, vision, paths["predicted"]
+        )
         self.latest = Latest(truth.handle, warning.code, echo.warning.code, now, columns)
         if self._capture is not None:
             self._capture.add(now, self._rear_end)

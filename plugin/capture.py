@@ -51,6 +51,7 @@ class Moment(NamedTuple):
     vision: VisionState  # with which the frames of this step were drawn
     scene: Scene
     sight: Sight
+    after: VisionState
     path: Trajectory  # predicted
 
 
@@ -59,7 +60,7 @@ class Look(NamedTuple):
 
     frame: Array  # (k, 240, 320) uint8
     path_m: Array  # (k, H, 2) predicted path: forward, left
-    border_px: Array  # (k, 2, R) columns of the left and the right marking at JUDGED_Y
+    border_px: Array  # (k, 2, R) columns of the left and the right marking at JUDGED_Y; NaN: not seen so far
     bodies_m: Array  # (k, M, 5) truth: forward, left of the centre, heading, length, width; NaN for unused
     road_m: Array  # (k, B, J, 2) truth: forward, left of the painted lines; NaN for unused
     road_kind: Array  # (k, B, J) int8
@@ -74,7 +75,9 @@ def look(vision: Vision, now: Moment, rows: Array) -> Look:
     road, kind = _lines(scene.ahead)
     o = scene.objects
     bodies = np.stack([o.forward_m, o.left_m, o.heading_rad, o.length_m, o.width_m], axis=-1)
-    whole = Look(frames, path, now.sight.columns[rows], bodies, road, kind)
+    seen = vision.seen_to(select(now.after, rows))
+    borders = np.where(seen[:, None, :], now.sight.columns[rows], np.nan)
+    whole = Look(frames, path, borders, bodies, road, kind)
     return Look._make(part.astype(np.float32) if part.dtype == np.float64 else part for part in whole)
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from camera_synth.camera import PROCESSED_FROM, projection
+from camera_synth.camera import PROCESSED_FROM, projection, vehicle_from_image
 from camera_synth.condition import Looks, looks
 from camera_synth.pose import Pose
 from camera_synth.render import NO_TRUTH, new_frames, render
@@ -34,6 +34,7 @@ Array = np.ndarray[Any, Any]
 CHUNK = 16  # vehicles a chunk: their frames stay in a core's cache
 JUDGED_Y = 1.0 + ROW_STEP * np.arange(ROWS)
 TOLERANCE_PX, SHARE = 5.0, 0.85
+_LEAST_REACH_M = 10.0
 _STRADDLING_M = 0.4  # so near a border either of its lanes may be meant
 
 
@@ -81,12 +82,17 @@ class Vision:
         self._beside = beside
         self._paper = configuration.mode == "paper"
         self._projection = projection(configuration.camera)
+        self._row_m = np.array([self._forward_m(y) for y in JUDGED_Y])
         self._numbers = search_numbers(fitted_to(configuration.search, configuration.camera))
         count = threads or os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
         self._buffers: queue.SimpleQueue[Array] = queue.SimpleQueue()
         for _ in range(count):
             self._buffers.put(new_frames(CHUNK))
+
+    def _forward_m(self, y: float) -> float:
+        forward, _ = vehicle_from_image(self._projection.center_x, float(y), self._projection)
+        return float(forward) if np.isfinite(forward) else np.inf
 
     def init(self, vehicle_ids: list[str]) -> VisionState:
         """State of vehicles before their first frame."""
@@ -125,6 +131,11 @@ class Vision:
         """
         hidden = hidden_by(bodies, len(state.frame), self._projection)
         return state._replace(hidden=hidden, watched=watched)
+
+    def seen_to(self, state: VisionState) -> Array:
+        """(n, ROWS) bool: rows of JUDGED_Y up to where paint was seen lately; in `paper` mode all of them."""
+        near = self._row_m[None, :] <= np.maximum(state.lane.reach_m, _LEAST_REACH_M)[:, None]
+        return np.ones_like(near) if self._paper else near
 
     def close(self) -> None:
         """End the threads."""

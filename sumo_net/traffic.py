@@ -95,7 +95,9 @@ class Traffic:
             except TrafficError:
                 raise
             except Exception as error:
-                raise TrafficError(f"SUMO did not start: {cause(words(), str(error))}") from None
+                why = cause(words(), str(error))
+                hint = " (on a machine without a screen: xvfb-run -a sumo-adas ...)" if "display" in why else ""
+                raise TrafficError(f"SUMO did not start: {why}{hint}") from None
             try:
                 traffic = cls(simulation, owned=True)
             except BaseException as error:
