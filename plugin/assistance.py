@@ -29,6 +29,7 @@ from sumo_net.ego import Ego, EgoTruth
 from sumo_net.equipment import EquipmentChoice
 from sumo_net.incidents import IncidentMaker
 from sumo_net.lane_changes import LaneChanges
+from sumo_net.memory import keep_freed_memory
 from sumo_net.network import BuiltNetwork
 from sumo_net.road import RoadAhead, RoadNetwork
 from sumo_net.road_kernels import ahead as road_ahead
@@ -90,6 +91,7 @@ class DriverAssistance:
         `watch`: whose camera frames are kept and where; default: those of `recording.frames`, in `out`.
         `scenario`: what the run can be repeated from, for configuration.json; none in a loop of your own.
         """
+        keep_freed_memory()
         self.configuration = configuration
         self._traffic = traffic
         seed = configuration.seed if seed is None else seed

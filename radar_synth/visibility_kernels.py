@@ -147,6 +147,7 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
     faces, count = np.empty((M, 2, 6)), np.zeros(M, np.int64)
     low, high, near, far = np.empty(M), np.empty(M), np.empty(M), np.empty(M)
     hidden, open_ = np.empty((M, 2)), np.empty((M + 1, 2))
+    hiding = np.empty(M, np.int64)  # those in view that can hide others: few among the posts
     for i in range(n):
         # The radar's own velocity over ground: that of the centre of gravity and of the turn about it.
         own_x = motion.speed_mps[i] - motion.yaw_rate_rps[i] * radar.left
@@ -167,14 +168,18 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
                 t = min(max(-(ax * dx + ay * dy) / (dx * dx + dy * dy), 0.0), 1.0)
                 near[m] = min(near[m], math.hypot(ax + t * dx, ay + t * dy))
                 far[m] = max(far[m], math.hypot(ax, ay), math.hypot(bx, by))
+        hiders = 0
+        for m in range(M):
+            if count[m] > 0 and max(objects.length_m[i, m], objects.width_m[i, m]) >= radar.least_hiding:
+                hiding[hiders] = m
+                hiders += 1
         for m in range(M):
             if count[m] == 0:
                 continue
             covers = 0
-            for k in range(M):
-                if count[k] == 0 or near[k] >= far[m] or low[k] >= high[m] or high[k] <= low[m] or k == m:
-                    continue
-                if max(objects.length_m[i, k], objects.width_m[i, k]) < radar.least_hiding:
+            for h in range(hiders):
+                k = hiding[h]
+                if near[k] >= far[m] or low[k] >= high[m] or high[k] <= low[m] or k == m:
                     continue
                 a, b = max(low[m], low[k]), min(high[m], high[k])
                 if b - a <= _SLIVER:

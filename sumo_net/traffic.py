@@ -72,7 +72,7 @@ class Traffic:
         self._numbers: dict[str, int] = {}  # of the vehicles that are not gone
         self._routes: dict[int, tuple[str, int, tuple[str, ...]]] = {}
         self._read_columns = (
-            columns.by_getters(simulation.vehicle)
+            columns.by_getters(simulation.vehicle, _compiled(simulation))
             if _in_process(simulation)
             else columns.by_subscription(simulation.vehicle, traci.constants)
         )
@@ -365,6 +365,11 @@ class Traffic:
 
 def _in_process(simulation: Any) -> bool:
     return getattr(simulation, "__name__", "") == "libsumo"
+
+
+def _compiled(libsumo: Any) -> Any:
+    """The extension module under libsumo's Python functions; None where a release has it elsewhere."""
+    return getattr(getattr(libsumo, "libsumo", None), "_libsumo", None)
 
 
 def _start_libsumo(arguments: Sequence[str]) -> Any:

@@ -141,23 +141,26 @@ def vote(point, found, t, bins, smooth, starts, score):  # type: ignore[no-untyp
         for h in range(HEADINGS):
             heading = (h - HEADINGS // 2) * HEADING_STEP
             direction = curvature * MIDDLE_M - heading
-            bins[:] = 0.0
+            # the arc passes the vehicle this far left of where it is at MIDDLE_M
+            back = -MIDDLE_M * (direction - 0.5 * curvature * MIDDLE_M)
+            middle = HALF_BINS - math.floor(back / BIN_M + 0.5)
+            # bins that can be a border of a lane around the vehicle, and one more each side
+            first, last = max(middle - wide - 1, 0), min(middle + wide + 2, count)
+            for b in range(first, last):
+                bins[b] = 0.0
             for m in range(found):
                 away = point[m, 0] - MIDDLE_M
                 left = point[m, 1] - away * (direction + 0.5 * curvature * away)
                 b = math.floor(left / BIN_M + 0.5) + HALF_BINS
-                if 0 <= b < count:
+                if first <= b < last:
                     bins[b] += 1.0
-            for b in range(count):
+            for b in range(first, last):
                 s = bins[b]
-                if b > 0:
+                if b > first:
                     s += 0.5 * bins[b - 1]
-                if b + 1 < count:
+                if b + 1 < last:
                     s += 0.5 * bins[b + 1]
                 smooth[b] = s
-            # the arc passes the vehicle this far left of where it is at MIDDLE_M
-            back = -MIDDLE_M * (direction - 0.5 * curvature * MIDDLE_M)
-            middle = HALF_BINS - math.floor(back / BIN_M + 0.5)
             for b in range(max(middle, 0), min(middle + wide, count)):
                 if smooth[b] < 3.0:
                     continue

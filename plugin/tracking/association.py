@@ -62,10 +62,12 @@ def _assign_block(
     # Every track may also take a column of its own: "no detection". 1 keeps every weight off zero, which a
     # sparse matrix would not hold; as every row is matched once it changes nothing.
     own = np.arange(len(rows))
+    order = np.argsort(np.concatenate([row, own]), kind="stable")
     weights = csr_array(
         (
-            1.0 + np.concatenate([distance, cost_unassigned[rows]]),
-            (np.concatenate([row, own]), np.concatenate([column, len(columns) + own])),
+            (1.0 + np.concatenate([distance, cost_unassigned[rows]]))[order],
+            np.concatenate([column, len(columns) + own])[order],
+            np.concatenate([[0], np.cumsum(np.bincount(row) + 1)]),
         ),
         shape=(len(rows), len(columns) + len(rows)),
     )

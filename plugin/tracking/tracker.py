@@ -155,14 +155,14 @@ class Tracker:
         free = ~suppressed
         free[chosen[seen]] = False
         alive &= seen | ~_named(tracks, sorted_detections, free)  # the target has jumped away from its track
-        state, chosen = _kept(state._replace(tracks=tracks), alive), chosen[alive]
-
-        begun = np.flatnonzero(free)
-        if len(begun):
+        state, begun = state._replace(tracks=tracks), np.flatnonzero(free)
+        if len(begun):  # the dead leave and the new take their places in one go: covariances are large
+            rows = np.concatenate([np.flatnonzero(alive), len(alive) + np.arange(len(begun))])
             state = self._begin(state, select(sorted_detections, begun), sensor)
-            chosen = np.concatenate([chosen, begun])
-            by_owner = np.argsort(state.tracks.owner, kind="stable")
-            state, chosen = _select(state, by_owner), chosen[by_owner]
+            rows = rows[np.argsort(state.tracks.owner[rows], kind="stable")]
+            state, chosen = _select(state, rows), np.concatenate([chosen, begun])[rows]
+        else:
+            state, chosen = _kept(state, alive), chosen[alive]
         return self._classify(state, chosen, order, ego, sensor)
 
     def _associate(
