@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from analysis.warm_up import compiling
 from plugin.assistance import DriverAssistance
 from plugin.configuration import CONFIGURATION, Configuration, load_configuration
 from sumo_net.scenario import PreparedRun, prepare
@@ -135,12 +136,13 @@ def drive(
     after_step: Callable[[], None] = lambda: None,
 ) -> None:
     """SUMO alone for the warm-up, then with the assistance; `stop_here` is called where it may end."""
-    with _progress(console) as progress:
+    with _progress(console) as progress, compiling() as meet:
         first = f"{name}: starting (compiles once, about a minute)"
         task = progress.add_task(first, total=steps, vehicles=0)
         for _ in range(warm_up_steps):
             traffic.step()
             stop_here()
+        meet()
         for _ in range(steps):
             traffic.step()
             adas.step()

@@ -89,13 +89,17 @@ def _objects(truth: Poses, snapshot: Snapshot, centre_x: Array, centre_y: Array,
 
     handle = np.full(index.shape, -1, dtype=np.int64)
     handle[used] = snapshot.handle[index[used]]
-    own = np.broadcast_to(truth.heading_rad[:, None], index.shape)
+    # arrays of their own: read-only ones, which n = 1 would give, need another variant of the kernel
+    own_x, own_y, own = (
+        np.repeat(part[:, None], index.shape[1], axis=1)
+        for part in (truth.x_m, truth.y_m, truth.heading_rad)
+    )
     forward, left = vehicle_from_world(
         of(centre_x),
         of(centre_y),
-        np.ascontiguousarray(np.broadcast_to(truth.x_m[:, None], index.shape)),
-        np.ascontiguousarray(np.broadcast_to(truth.y_m[:, None], index.shape)),
-        np.ascontiguousarray(own),
+        own_x,
+        own_y,
+        own,
     )
     return Objects(
         handle=handle,

@@ -1,0 +1,119 @@
+"""Compiling on both cores: a second process compiles half of the kernels while the first compiles its own.
+
+All kernels take about a minute of one core to compile, once. `compiling` starts a helper where that is still to
+be done; both processes keep what they have compiled in the same cache, and neither waits for the other but at
+`meet`. What the parts call their kernels with has the types of a run, and no meaning.
+
+    python -m analysis.warm_up lane     # what the helper does
+"""
+
+import contextlib
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+Meet = Callable[[], None]
+
+
+@contextlib.contextmanager
+def compiling() -> Iterator[Meet]:
+    """Have the kernels compiled by two processes, if they are not yet; call what it gives before the first step.
+
+    That call does this process's share and returns when the helper has done the first of its own.
+    """
+    if compiled() or (os.cpu_count() or 1) < 2:
+        yield lambda: None
+        return
+    command = [sys.executable, "-m", "analysis.warm_up", "lane", "radar"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as helper:
+
+        def meet() -> None:
+            picture()
+            assert helper.stdout is not None
+            helper.stdout.readline()  # empty at once should the helper have failed: then it is done here
+
+        try:
+            yield meet
+        finally:
+            helper.terminate()
+
+
+def compiled() -> bool:
+    """Whether the largest kernel is in the cache."""
+    from plugin.lane.refine_kernels import step_kernel
+
+    kernel = step_kernel  # a Dispatcher
+    return any(Path(kernel.stats.cache_path).glob("refine_kernels.step_kernel-*.nbi"))  # type: ignore[attr-defined]
+
+
+def lane() -> None:
+    """Compile the lane tracker."""
+    from camera_synth.camera import Camera, projection
+    from camera_synth.render import new_frames
+    from plugin.lane import refine
+    from plugin.vision import JUDGED_Y
+
+    p = projection(Camera())
+    state, _ = refine.step(new_frames(1), None, None, refine.init(1), p, np.zeros(1), refine.Refine())
+    refine.parabolas(state, p)
+    refine.border_columns(state, JUDGED_Y, p)
+
+
+def picture() -> None:
+    """Compile the renderer and the published search."""
+    from camera_synth.camera import PROCESSED_FROM, Camera, projection
+    from camera_synth.condition import Condition, looks
+    from camera_synth.pose import Pose
+    from camera_synth.render import new_frames, render
+    from camera_synth.truth import new_border_columns
+    from plugin.lane import genetic
+    from sumo_net.road import AHEAD_M, MAX_BORDERS, OWN_RIGHT, RoadAhead
+    from sumo_net.surroundings import MAX_OBJECTS, Objects
+
+    frames, keys, start = new_frames(1), np.zeros(1, np.uint64), np.zeros(1, np.int64)
+    nowhere = np.full((1, len(AHEAD_M)), np.nan)
+    borders = np.full((1, len(AHEAD_M), MAX_BORDERS), np.nan)
+    road = RoadAhead(
+        *(nowhere,) * 5, borders, np.zeros(borders.shape, np.int8), nowhere, nowhere
+    )
+    none = Objects(np.full((1, MAX_OBJECTS), -1), *(np.full((1, MAX_OBJECTS), np.nan),) * 8)
+    pose, truth = Pose(*(np.zeros(1),) * 3), (start + OWN_RIGHT, new_border_columns(1))
+    p = projection(Camera())
+    render(frames, p, road, none, pose, looks(Condition(), 1), keys, start, PROCESSED_FROM, truth)
+    genetic.search(frames, genetic.init(keys), genetic.search_numbers(genetic.GeneticSearch()))
+
+
+def radar() -> None:
+    """Compile radar and tracker, as in the default settings."""
+    from plugin.tracking.detections import Detections, at_rest
+    from plugin.tracking.tracker import Tracker, TrackerSettings
+    from radar_synth.radar import OwnMotion, Radar, scan
+    from sumo_net.surroundings import Objects
+
+    one = np.zeros((1, 1))
+    body = Objects(np.zeros((1, 1), np.int64), *(one + value for value in (30.0, 0, 0, 9, 0, 4, 2, 1.5)))
+    still, keys = np.zeros(1), np.zeros(1, np.uint64)
+    scan(Radar(), body, OwnMotion(still, still, still), keys, np.zeros(1, np.int64))
+    tracker, first = Tracker(TrackerSettings()), np.zeros(1, np.int64)
+    seen = Detections(first, still + 30.0, still, still, first - 1)
+    state = tracker.init(1)
+    for _ in range(3):
+        state, _ = tracker.step(state, seen, at_rest(1), 0.1)
+
+
+PARTS = {"lane": lane, "picture": picture, "radar": radar}
+
+
+def main(names: list[str]) -> None:
+    """Compile these parts, one line of output for each that is done."""
+    for name in names:
+        PARTS[name]()
+        print(name, flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,58 @@
+"""The parts that are compiled ahead are those that a run calls: not one more variant of a kernel follows."""
+
+import numba
+
+from analysis import warm_up
+from analysis.simulate import simulate
+from camera_synth import render_kernels
+from plugin.lane import genetic_kernels, refine_kernels
+from plugin.tracking import association_kernels, imm_kernels, polar_kernels
+from radar_synth import degrade_kernels, visibility_kernels
+
+KERNELS = {
+    "lane": [refine_kernels.step_kernel, refine_kernels.columns_kernel, refine_kernels.parabola_kernel],
+    "picture": [render_kernels.render_fleet, genetic_kernels.search_kernel],
+    "radar": [
+        visibility_kernels.look,
+        degrade_kernels.measure,
+        polar_kernels.predict,
+        imm_kernels.update,
+        imm_kernels.combine,
+        association_kernels.gate_pairs,
+    ],
+}
+
+
+def test_a_run_needs_no_other_variant_of_the_kernels_compiled_ahead(tmp_path):
+    before = {kernel: set(kernel.signatures) for part in KERNELS.values() for kernel in part}
+    for name, part in warm_up.PARTS.items():
+        part()
+        for kernel in KERNELS[name]:
+            assert kernel.signatures, f"{name} does not compile {kernel.py_func.__name__}"
+    ahead = {kernel: set(kernel.signatures) for kernel in before}
+    simulate("highway", tmp_path, seed=3, duration_s=0.3, fraction=0.1, quiet=True)
+    for kernel, signatures in ahead.items():
+        assert isinstance(kernel, numba.core.dispatcher.Dispatcher)
+        assert set(kernel.signatures) == signatures, kernel.py_func.__name__
+
+
+def test_a_helper_starts_only_where_something_is_to_be_compiled(monkeypatch):
+    assert warm_up.compiled()  # the test above has run it, or the one before that
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("started a process for what is compiled")
+
+    monkeypatch.setattr(warm_up.subprocess, "Popen", never)
+    with warm_up.compiling() as meet:
+        meet()
+
+
+def test_what_a_failed_helper_leaves_is_done_without_it(monkeypatch):
+    done = []
+    monkeypatch.setattr(warm_up, "compiled", lambda: False)
+    monkeypatch.setattr(warm_up.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(warm_up.sys, "executable", "false")
+    monkeypatch.setattr(warm_up, "picture", lambda: done.append("picture"))
+    with warm_up.compiling() as meet:
+        meet()
+    assert done == ["picture"]
