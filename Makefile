@@ -31,7 +31,7 @@ evaluate: $(VENV)/.runtime
 	$(BIN)/sumo-adas evaluate --out out/evaluation
 
 bench: $(VENV)/.bench
-	$(BIN)/python benchmarks/camera_chain.py --out out/benchmark.json
+	$(BIN)/python benchmarks/speed.py --cold --out out/benchmark.json
 	$(BIN)/python benchmarks/search_against_others.py
 	$(BIN)/python benchmarks/lanes_against_hough.py
 	$(BIN)/python benchmarks/radar_filters.py

@@ -1,8 +1,8 @@
 """Compiling on both cores: a second process compiles half of the kernels while the first compiles its own.
 
-All kernels take about a minute of one core to compile, once. `compiling` starts a helper where that is still to
-be done; both processes keep what they have compiled in the same cache, and neither waits for the other but at
-`meet`. What the parts call their kernels with has the types of a run, and no meaning.
+All kernels take more than a minute of one core to compile, once. `compiling` starts a helper where that is
+still to be done; both processes keep what they have compiled in the same cache, and neither waits for the
+other but at `meet`. What the parts call their kernels with has the types of a run, and no meaning.
 
     python -m analysis.warm_up lane     # what the helper does
 """
@@ -21,9 +21,10 @@ Meet = Callable[[], None]
 
 @contextlib.contextmanager
 def compiling() -> Iterator[Meet]:
-    """Have the kernels compiled by two processes, if they are not yet; call what it gives before the first step.
+    """Have the kernels compiled by two processes, if they are not yet.
 
-    That call does this process's share and returns when the helper has done the first of its own.
+    Call what it gives before the first step: that does this process's share, and returns when the helper has
+    done the first of its own.
     """
     if compiled() or (os.cpu_count() or 1) < 2:
         yield lambda: None
@@ -77,9 +78,7 @@ def picture() -> None:
     frames, keys, start = new_frames(1), np.zeros(1, np.uint64), np.zeros(1, np.int64)
     nowhere = np.full((1, len(AHEAD_M)), np.nan)
     borders = np.full((1, len(AHEAD_M), MAX_BORDERS), np.nan)
-    road = RoadAhead(
-        *(nowhere,) * 5, borders, np.zeros(borders.shape, np.int8), nowhere, nowhere
-    )
+    road = RoadAhead(*(nowhere,) * 5, borders, np.zeros(borders.shape, np.int8), nowhere, nowhere)
     none = Objects(np.full((1, MAX_OBJECTS), -1), *(np.full((1, MAX_OBJECTS), np.nan),) * 8)
     pose, truth = Pose(*(np.zeros(1),) * 3), (start + OWN_RIGHT, new_border_columns(1))
     p = projection(Camera())

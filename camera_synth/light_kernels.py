@@ -13,7 +13,7 @@ from sumo_net.compile import kernel
 
 @kernel
 def cast_light(grid, rows, ground, crossings, look, view, p):  # type: ignore[no-untyped-def]
-    """The light on the lowest `rows` rows on `grid` (rows, nodes); returns whether it is not just daylight."""
+    """The light on the lowest `rows` rows, on `grid` (rows, nodes); whether it is not just daylight."""
     if look.shadow <= 0.0 and look.overpass <= 0.0 and look.headlight <= 0.0:
         return False
     if look.shadow > 0.0:

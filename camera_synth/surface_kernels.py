@@ -167,7 +167,7 @@ def _paint_track(row, centre, half, grey):  # type: ignore[no-untyped-def]
 
 @kernel
 def paint_markings(canvas, lowest, end, crossings, look, view, p):  # type: ignore[no-untyped-def]
-    """The lines on rows `lowest` to `end` - 1, by the share of each pixel that they cover, less what is worn."""
+    """The lines on rows `lowest` to `end` - 1, by what they cover of each pixel, less what is worn."""
     kind, column, scale, station = crossings.kind, crossings.column, crossings.scale, crossings.station
     stroke, period = look.dash_stroke_m, look.dash_stroke_m + look.dash_gap_m
     worn = look.wear > 0.0 or look.missing > 0.0

@@ -91,8 +91,7 @@ def _objects(truth: Poses, snapshot: Snapshot, centre_x: Array, centre_y: Array,
     handle[used] = snapshot.handle[index[used]]
     # arrays of their own: read-only ones, which n = 1 would give, need another variant of the kernel
     own_x, own_y, own = (
-        np.repeat(part[:, None], index.shape[1], axis=1)
-        for part in (truth.x_m, truth.y_m, truth.heading_rad)
+        np.repeat(part[:, None], index.shape[1], axis=1) for part in (truth.x_m, truth.y_m, truth.heading_rad)
     )
     forward, left = vehicle_from_world(
         of(centre_x),
