@@ -1,5 +1,6 @@
 """The command `sumo-adas`: its sub-commands are in `analysis.commands`."""
 
+import gc
 import signal
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -18,6 +19,7 @@ _UsageError: Any = typer.BadParameter.__base__
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: every expected error is one line on standard error and exit status 2."""
+    gc.set_threshold(50_000, 20, 20)  # imports make objects that stay: to look through them often is a waste
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ended by a batch system: rows are kept, too
     try:
         status = app(arguments, standalone_mode=False)

@@ -77,8 +77,8 @@ def print_rest(console: Console, result: dict[str, Any]) -> None:
     for run in result["real_time"]:
         console.print(
             f"{run['fleet']:.0f} equipped, {run['threads']} threads: {run['real_time_factor']:.2f} times "
-            f"real time at a load of {run['load_average']:.1f}; {run['processor_s_per_simulated_s']:.2f} s of "
-            "processor time a simulated second",
+            f"real time at a load of {run['load_average']:.1f}; "
+            f"{run['processor_s_per_simulated_s']:.2f} s of processor time a simulated second",
             soft_wrap=True,
         )
     for name, start in result["start_up"].items():

@@ -31,7 +31,7 @@ from sumo_net.surroundings import Objects
 
 Array = np.ndarray[Any, Any]
 
-CHUNK = 16  # vehicles a chunk: their frames stay in a core's cache
+LEAST_CHUNK, CHUNK = 8, 64  # vehicles in the hands of a thread: what its calls cost is spread over them
 JUDGED_Y = 1.0 + ROW_STEP * np.arange(ROWS)
 TOLERANCE_PX, SHARE = 5.0, 0.85
 _LEAST_REACH_M = 10.0
@@ -84,7 +84,7 @@ class Vision:
         self._projection = projection(configuration.camera)
         self._row_m = np.array([self._forward_m(y) for y in JUDGED_Y])
         self._numbers = search_numbers(fitted_to(configuration.search, configuration.camera))
-        count = threads or os.cpu_count() or 1
+        self._threads = count = threads or os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
         self._buffers: queue.SimpleQueue[Array] = queue.SimpleQueue()
         for _ in range(count):
@@ -117,7 +117,9 @@ class Vision:
     ) -> tuple[VisionState, Sight]:
         """Render and look, for n > 0 vehicles; speed (n,) and turn (n, 2) as `refine.step` takes them."""
         n = len(speed_mps)
-        slices = [slice(k, min(k + CHUNK, n)) for k in range(0, n, CHUNK)]
+        chunks = self._threads * -(-n // (CHUNK * self._threads))  # as many for every thread
+        size = max(-(-n // chunks), LEAST_CHUNK)
+        slices = [slice(k, min(k + size, n)) for k in range(0, n, size)]
         turn = np.full((n, 2), np.nan) if turn is None else turn
         work = [(select(state, part), select(scene, part), speed_mps[part], turn[part]) for part in slices]
         run = self._pool.map if self._pool is not None and len(work) > 1 else map
