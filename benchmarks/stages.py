@@ -81,6 +81,7 @@ def watch(clock: Stopwatch) -> None:
     from plugin import assistance, ranging, vision
     from plugin.lane import genetic, refine
     from plugin.motion import observer, prediction
+    from plugin.own_motion import OwnSensors
     from plugin.rear_end import RearEndScorer
     from plugin.tracking.tracker import Tracker
     from plugin.truth import Scorer
@@ -102,6 +103,8 @@ def watch(clock: Stopwatch) -> None:
         (refine, "step", "detect"),
         (refine, "border_columns", "judge"),
         (refine, "parabolas", "tables"),
+        (OwnSensors, "step", "observe"),
+        (observer, "turn", "observe"),
         (observer, "step", "observe"),
         (departure, "step", "warn"),
         (ranging.Ranging, "step", "radar"),

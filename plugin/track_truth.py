@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow as pa
 
 from plugin.ranging import Echo
+from plugin.track_truth_kernels import places
 from plugin.tracking import classification
 from plugin.tracking.classification import (
     ONCOMING,
@@ -133,10 +134,8 @@ class TrackTruth:
 def _velocity(echo: Echo, owner: Array, target: Array) -> tuple[Array, Array]:
     """True velocity over ground in the vehicle's axes of each track's body; NaN out of the field of view."""
     objects = echo.objects
-    with np.errstate(invalid="ignore"):
-        found = objects.handle[owner] == target[:, None]
-    found &= (target != NOTHING)[:, None]
-    known, place = found.any(axis=1), found.argmax(axis=1)
+    place = places(owner, target, objects.handle)
+    known = (place >= 0) & (target != NOTHING)  # NOTHING would find the first unused place
     speed, heading = objects.speed_mps[owner, place], objects.heading_rad[owner, place]
     return np.where(known, speed * np.cos(heading), np.nan), np.where(known, speed * np.sin(heading), np.nan)
 
