@@ -1,12 +1,17 @@
 """Figures of a campaign, from the CSV files of its report."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.plots.run import PREDICTORS, words
 from analysis.plots.style import BLUE, GREY, SERIES, VERMILLION, nothing, sheet, styled
 from plugin.truth import HORIZONS_S
+
+Array = np.ndarray[Any, Any]
 
 RATES = {
     "departures": "departures",
@@ -38,13 +43,17 @@ def cell_names(table: pd.DataFrame) -> "pd.Series[str]":
     grid = [
         c for c in table.columns if table.loc[whole, c].isna().all() and table.loc[~whole, c].notna().all()
     ]
-    several = [column for column in grid if whole.any() and table.loc[~whole, column].nunique() > 1]
+    several = [column for column in grid if whole.any() and _vary(table.loc[~whole, column])]
     short = {column: words(str(column).replace(".", " ")) for column in several}
     names = []
     for row in table.to_dict("records"):
         parts = [f"{short[column]} {row[column]}" for column in several]
         names.append("all" if str(row["cell"]) == "all" else ", ".join(parts) or f"cell {row['cell']}")
     return pd.Series(names, index=table.index, dtype=str)
+
+
+def _vary(values: "pd.Series[Any]") -> bool:
+    return len(values) > 0 and bool((values != values.iloc[0]).any())
 
 
 @styled
@@ -191,9 +200,7 @@ def roc(tables: dict[str, pd.DataFrame]) -> Figure:
             marker=".",
             label="false alone",
         )
-        for row in table.iloc[:: max(len(table) // 5, 1)].itertuples():
-            at = (row.false_per_100km + row.nuisance_per_100km, 100 * row.hit_rate)
-            axes.annotate(f"{row.threshold_s:g} s", at, (4, -10), textcoords="offset points", fontsize=8)  # type: ignore[arg-type]
+        _name_thresholds(axes, unwanted.to_numpy(float), 100 * table["hit_rate"].to_numpy(float), table)
         axes.set(
             title=f"{what} warned in % of {table['events'].max()}",
             xlabel="unwanted warnings per 100 km",
@@ -201,6 +208,15 @@ def roc(tables: dict[str, pd.DataFrame]) -> Figure:
         )
         axes.legend(loc="lower right")
     return figure
+
+
+def _name_thresholds(axes: Axes, x: Array, y: Array, table: pd.DataFrame) -> None:
+    """Write the threshold beside its point, as far as there is room."""
+    room, last = 0.12 * max(float(np.ptp(x)), 1e-9), -np.inf
+    for at_x, at_y, threshold in zip(x, y, table["threshold_s"], strict=True):
+        if abs(at_x - last) >= room:
+            axes.annotate(f"{threshold:g} s", (at_x, at_y), (3, -11), textcoords="offset points", fontsize=8)
+            last = at_x
 
 
 @styled
@@ -211,9 +227,9 @@ def benefit(table: pd.DataFrame) -> Figure:
         nothing(axes, "no pair of cells with reaction.on false and true")
         return figure
     labels = []
-    several = [c for c in table.columns[: list(table.columns).index("figure")] if table[c].nunique() > 1]
+    several = [c for c in table.columns[: list(table.columns).index("figure")] if _vary(table[c])]
     for row in table.to_dict("records"):
-        grid = [f"{words(k.replace('.', ' '))} {row[k]}" for k in several]
+        grid = [f"{words(str(k).replace('.', ' '))} {row[k]}" for k in several]
         labels.append("\n".join([words(str(row["figure"])), *grid]))
     figure, axes = sheet(1, 1, max(2.0, 0.6 + 0.5 * len(table)), width_in=6.0)
     value = table["avoided_per_run"]
@@ -221,9 +237,9 @@ def benefit(table: pd.DataFrame) -> Figure:
         0.0
     )
     axes.errorbar(value, range(len(table)), xerr=reach, fmt="o", color=BLUE, capsize=3)
-    for k, row in enumerate(table.itertuples()):
+    for k, (avoided, without) in enumerate(zip(table["avoided"], table["without"], strict=True)):
         axes.annotate(
-            f"{row.avoided} of {row.without}",
+            f"{avoided} of {without}",
             (float(value.iloc[k]), k),
             (0, 7),
             textcoords="offset points",

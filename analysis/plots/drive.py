@@ -42,7 +42,7 @@ def at_event(steps: pd.DataFrame, events: pd.DataFrame, when: str) -> pd.DataFra
         right_on="time_s",
         by=["run_id", "vehicle_id"],
         direction="nearest",
-        tolerance=1.0,
+        tolerance=1.0,  # type: ignore[arg-type]  # of the key's own unit, seconds
     )
     return merged.dropna(subset=["true_x_m"])
 
@@ -55,8 +55,9 @@ def road_map(
     outline: Sequence[Any] = (),
 ) -> Figure:
     """Paths of the equipped vehicles, departures and warnings. `outline`: (N, 2) arrays, as of lanes."""
-    figure, axes = sheet(1, 1, 4.6)
     known = steps[steps["true_x_m"].notna() & steps["true_y_m"].notna()]
+    long = not known.empty and _spread(known) > 3.0
+    figure, axes = sheet(1, 1, 2.9 if long else 4.6, width_in=7.0 if long else 5.0)
     if known.empty:
         nothing(axes, "the table steps has no positions")
         return figure
@@ -84,9 +85,9 @@ def road_map(
             zorder=3,
             label=f"{label} ({len(place)})",
         )
-    axes.set_aspect("equal", adjustable="box" if _spread(known) < 4.0 else "datalim")
+    axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x in m", ylabel="y in m")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.3 if long else -0.14), ncols=2)
     return figure
 
 
@@ -111,10 +112,10 @@ def timeline(
     _times(ttc, rows, "true_ttc_s", "fcw_ttc_s", "time to\ncollision in s", 8.0)
     mine = warnings[warnings["vehicle_id"] == vehicle_id]
     for axes, kind in ((offset, "ldw"), (tlc, "ldw"), (ttc, "fcw")):
-        for number, warning in enumerate(mine[mine["kind"] == kind].itertuples()):
-            end = warning.end_s if pd.notna(warning.end_s) else rows["time_s"].iloc[-1]
+        for number, warning in enumerate(mine[mine["kind"] == kind].to_dict("records")):
+            end = float(warning["end_s"] if pd.notna(warning["end_s"]) else rows["time_s"].iloc[-1])
             label = "warning" if number == 0 else None
-            axes.axvspan(warning.start_s, end + 0.05, color=VERMILLION, alpha=0.25, lw=0, label=label)
+            axes.axvspan(warning["start_s"], end + 0.05, color=VERMILLION, alpha=0.25, lw=0, label=label)
     crossed = departures[departures["vehicle_id"] == vehicle_id]
     border = 0.5 * float(rows["true_lane_width_m"].fillna(rows["lane_width_m"]).median())
     height = np.where(crossed["side"] == "left", border, -border)

@@ -85,7 +85,7 @@ def prediction_by_category(predictions: pd.DataFrame, steps: pd.DataFrame) -> Fi
                 label=label,
             )
         axes.set(title=f"{horizon:.0f} s ahead", ylabel="median in cm")
-        names = [f"{words(name)}\nn = {count}" for name, count in part["count"].items()]
+        names = [f"{words(str(name))}\nn = {count}" for name, count in part["count"].items()]
         axes.set_xticks(place, names)
         axes.grid(axis="x", visible=False)
     figure.legend(*both[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
@@ -214,7 +214,7 @@ def warning_outcomes(warnings: pd.DataFrame) -> Figure:
     axes.set_yticks(range(len(rows)), [label for label, _, _ in rows])
     axes.invert_yaxis()
     axes.set_xlabel("warnings")
-    axes.xaxis.get_major_locator().set_params(integer=True)  # type: ignore[attr-defined]
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.grid(axis="y", visible=False)
     below(axes, 3, -0.28)
     return figure
@@ -241,19 +241,20 @@ def _confusion(figure: Figure, axes: Axes, counts: pd.DataFrame) -> Figure:
     counts = counts.loc[counts.sum(axis=1) > 0, :]
     counts = counts.loc[:, (counts.sum(axis=0) > 0) | counts.columns.isin(counts.index)]
     share = counts.div(counts.sum(axis=1), axis=0).to_numpy()
+    number = counts.to_numpy()
     axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
     for (i, j), value in np.ndenumerate(share):
         axes.text(
             j,
             i,
-            f"{_percent(value)} %\n{counts.iloc[i, j]}",
+            f"{_percent(value)} %\n{int(number[i, j])}",
             ha="center",
             va="center",
             color="white" if value > 0.6 else "#1a1a1a",
             fontsize=8,
         )
-    axes.set_xticks(range(len(counts.columns)), [_broken(name) for name in counts.columns], fontsize=8)
-    axes.set_yticks(range(len(counts)), [_broken(name) for name in counts.index], fontsize=8)
+    axes.set_xticks(range(len(counts.columns)), [_broken(str(name)) for name in counts.columns], fontsize=8)
+    axes.set_yticks(range(len(counts)), [_broken(str(name)) for name in counts.index], fontsize=8)
     axes.set(xlabel="taken for", ylabel="true class")
     axes.grid(visible=False)
     return figure

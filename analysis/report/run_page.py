@@ -72,7 +72,7 @@ def _subtitle(run: RunTables) -> str:
 def _facts(run: RunTables) -> list[tuple[str, str]]:
     facts: list[tuple[str, str]] = []
     steps = run["steps"]
-    row: dict[str, Any] = run["runs"].iloc[0].to_dict() if len(run["runs"]) else {}
+    row: Any = run["runs"].iloc[0].to_dict() if len(run["runs"]) else {}
     if len(steps):
         begin, end = float(steps["time_s"].min()), float(steps["time_s"].max())
         facts += [

@@ -37,7 +37,8 @@ def scene(run: RunTables, lines: Sequence[Array]) -> dict[str, Any] | None:
         steps[column] = steps[column].where(steps[column] <= _SHOWN_TTC_S)
     names = _by_events(run)
     rows_of = dict(tuple(steps.groupby("vehicle_id", observed=True)))
-    shown, total = [], 0
+    shown: list[str] = []
+    total = 0
     for name in names:
         total += len(rows_of[name])
         if total > MOST_ROWS and shown:

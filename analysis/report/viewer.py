@@ -6,8 +6,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from analysis.drive import Drive
 from analysis.camera_view import path_in_image
+from analysis.drive import Drive
 from analysis.report.reading import json_ready
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, projection
 
