@@ -275,3 +275,28 @@ def test_text_of_any_id_can_be_drawn() -> None:
         canvas.text(picture, words, 190.0, 38.0)
         canvas.text(picture, words, -50.0, -3.0, back=canvas.DARK)
     assert picture.any()
+
+
+def test_report_shows_the_drive_on_its_road(watched: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from analysis.report.run_page import run_page
+
+    monkeypatch.setattr("analysis.report.run_page._cards", lambda run: [])
+    page = run_page(watched)
+    assert page.notes == []
+    assert [drive["vehicle"] for drive in page.drives] == vehicles_with_frames(watched)
+    assert page.settings.startswith("{")
+    scene = page.scene
+    assert isinstance(scene, dict)
+    lanes = np.array([(x, y) for x, y in zip(*scene["outline"].values(), strict=True) if x is not None])
+    for path in scene["paths"]:
+        place = np.array([(x, y) for x, y in zip(path["x"], path["y"], strict=True) if x is not None])
+        apart = np.hypot(*(place[:, None] - lanes).T).min(axis=0)
+        assert apart.min() < 20.0  # in the same place as the network
+
+
+def test_positions_and_lane_width_are_recorded(watched: Path) -> None:
+    steps = read_table(watched, "steps")
+    assert steps["true_lane_width_m"].between(2.5, 5.0).all()
+    for _, rows in steps.groupby("vehicle_id"):
+        driven = np.hypot(rows["true_x_m"].diff(), rows["true_y_m"].diff()).iloc[1:]
+        assert driven.to_numpy() == pytest.approx(0.1 * rows["speed_mps"].iloc[1:].to_numpy(), abs=0.2)
