@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test browser lint format evaluate bench soak faults clean
+.PHONY: demo test browser library protocols lint format evaluate bench soak faults clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/sumo-adas run highway --out out/demo --seed 1
@@ -16,6 +16,12 @@ test: $(VENV)/.dev
 browser: $(VENV)/.dev
 	$(BIN)/python -m pytest tests/analysis/test_report_browser.py -rs
 	$(BIN)/python benchmarks/report_page.py --out out/report_page
+
+library: $(VENV)/.dev
+	$(BIN)/python -m pytest -n 2 scenarios
+
+protocols: $(VENV)/.runtime
+	$(BIN)/sumo-adas protocol all --out out/protocols
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -37,39 +37,40 @@ def protocol(
     """
     from analysis.protocol import report
     from analysis.protocol.definition import load, protocols
+    from analysis.protocol.running import worker_pool
 
     console = Console(highlight=False, width=None if Console().is_terminal else 140)
+    good, rows = True, []
     with plain_errors():
         if distance_model is not None and distance_model not in MODELS:
             raise ValueError(f"--distance-model = {distance_model}: known are {', '.join(MODELS)}")
         chosen = {one: load(one) for one in (protocols() if name == ALL else [name])}
-        good, rows = True, []
-        for one, loaded in chosen.items():
-            label = Path(one).stem
-            runs: list[tuple[str, str | None]] = [(mode.value, distance_model)]
-            if compare:
-                models = [None, *MODELS] if loaded.collision else [None]
-                runs = [("refined", model) for model in models] + [("paper", None)]
-                runs = [run for run in runs if run != ("refined", _default_model())]
-            for number, (chain, model) in enumerate(runs):
-                outcome = _drive(
-                    loaded, f"{label} {chain} {model or ''}".strip(), chain, model, seed, workers
-                )
-                directory = out / f"{chain}_{model or 'default'}" if compare else out
-                report.write(outcome, label, directory)
-                if number == 0:
-                    good = good and outcome.passed
-                if not compare:
-                    report.show(outcome, label, console)
-                row = {"mode": chain, "distance model": model or f"{_default_model()} (default)"}
-                if not loaded.collision:
-                    row["distance model"] = ""
-                rows.append(row | report.comparison_row(label, outcome))
+        with worker_pool(workers) as pool:
+            for one, loaded in chosen.items():
+                label = Path(one).stem
+                runs = _compared(loaded) if compare else [(mode.value, distance_model)]
+                for number, (chain, model) in enumerate(runs):
+                    words = f"{label} {chain} {model or ''}".strip()
+                    outcome = _drive(loaded, pool, words, chain, model, seed)
+                    directory = out / f"{chain}_{model or 'default'}" if compare else out
+                    report.write(outcome, label, directory)
+                    if number == 0:
+                        good = good and outcome.passed
+                    if not compare:
+                        report.show(outcome, label, console)
+                    rows.append(report.comparison_row(label, chain, model or _default_model(), outcome))
         if compare:
+            report.write_comparison(rows, out)
             console.print(report.comparison(rows))
         console.print(f"Tables: {out}", markup=False)
     if not good:
         raise typer.Exit(1)
+
+
+def _compared(protocol: Any) -> list[tuple[str, str | None]]:
+    """Modes and safe-distance models: the default one first."""
+    others = [model for model in MODELS if model != _default_model()] if protocol.collision else []
+    return [("refined", None), *(("refined", model) for model in others), ("paper", None)]
 
 
 def _default_model() -> str:
@@ -78,7 +79,7 @@ def _default_model() -> str:
     return SafeDistance().model
 
 
-def _drive(protocol: Any, words: str, mode: str, model: str | None, seed: int, workers: int) -> Any:
+def _drive(protocol: Any, pool: Any, words: str, mode: str, model: str | None, seed: int) -> Any:
     from analysis.protocol.running import drive
 
     changes = {} if model is None else {"collision": {"distance": {"model": model}}}
@@ -88,4 +89,4 @@ def _drive(protocol: Any, words: str, mode: str, model: str | None, seed: int, w
         def told(done: int, all_: int) -> None:
             progress.update(task, completed=done, total=all_)
 
-        return drive(protocol, mode=mode, changes=changes, seed=seed, workers=workers, told=told)
+        return drive(protocol, pool, mode=mode, changes=changes, seed=seed, told=told)

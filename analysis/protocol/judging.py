@@ -181,6 +181,8 @@ def _collision(test: CollisionTest, steps: pd.DataFrame, tracks: pd.DataFrame, b
     begin = round(test.settle_s / STEP_S) if test.brake_mps2 is not None else 0
     alerts = np.flatnonzero(np.isin(state, ("reminder", "danger")))
     if test.expect == "none":
+        if not (tracks["target_id"] == f"{blank.vehicle_id}_leader").any():
+            return _invalid(blank, "the radar never saw the vehicle beside")
         if not len(alerts):
             return dataclasses.replace(blank, passed=True)
         first = int(alerts[0])

@@ -52,16 +52,24 @@ def show(outcome: Outcome, name: str, console: Console) -> None:
         console.print(f"Figures from memory of: {protocol.source}")
 
 
-def comparison_row(name: str, outcome: Outcome) -> dict[str, object]:
+def comparison_row(name: str, mode: str, model: str, outcome: Outcome) -> dict[str, object]:
     """One protocol under one configuration, in short."""
     least = least_margins(outcome.cells)
     return {
         "protocol": name,
-        "result": "passed" if outcome.passed else "failed",
-        "cells passed": f"{sum(cell.ok for cell in outcome.cells)} of {len(outcome.cells)}",
-        "trials passed": f"{outcome.share:.1%}",
-        "least margin": ", ".join(f"{value:.2f} {unit}" for unit, value in least.items()) or "none",
+        "mode": mode,
+        "distance_model": model if outcome.protocol.collision else "",
+        "passed": outcome.passed,
+        "cells_passed": sum(cell.ok for cell in outcome.cells),
+        "cells": len(outcome.cells),
+        "trials_passed_share": round(outcome.share, _DECIMALS),
+        "least_margin": ", ".join(f"{value:.2f} {unit}" for unit, value in least.items()),
     }
+
+
+def write_comparison(rows: Iterable[Mapping[str, object]], out: Path) -> None:
+    """`comparison.csv` in `out`."""
+    pd.DataFrame(list(rows)).to_csv(out / "comparison.csv", index=False)
 
 
 def least_margins(cells: Iterable[Cell]) -> dict[str, float]:
@@ -74,13 +82,20 @@ def least_margins(cells: Iterable[Cell]) -> dict[str, float]:
 
 
 def comparison(rows: Iterable[Mapping[str, object]]) -> Table:
-    """Rows of `comparison_row`, each with its configuration, as one table."""
+    """Rows of `comparison_row` as one table."""
     table = Table(box=None)
-    rows = list(rows)
-    for heading in rows[0] if rows else ():
+    for heading in ("protocol", "mode", "distance model", "result", "cells", "trials", "least margin"):
         table.add_column(heading)
     for row in rows:
-        table.add_row(*(str(value) for value in row.values()))
+        table.add_row(
+            str(row["protocol"]),
+            str(row["mode"]),
+            str(row["distance_model"]),
+            "passed" if row["passed"] else "FAILED",
+            f"{row['cells_passed']} of {row['cells']}",
+            f"{row['trials_passed_share']:.1%}",
+            str(row["least_margin"]),
+        )
     return table
 
 

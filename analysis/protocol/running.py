@@ -1,10 +1,11 @@
 """Drives a protocol's trials in SUMO, several runs at a time, and repeats those that were not valid."""
 
+import contextlib
 import dataclasses
 import multiprocessing
 import tempfile
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,13 +48,25 @@ class Outcome:
     passed: bool
 
 
+@contextlib.contextmanager
+def worker_pool(workers: int) -> Iterator[Executor]:
+    """Processes that drive runs, one at a time each, and keep what they have compiled for the next run."""
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
 def drive(
     protocol: Protocol,
+    pool: Executor,
     *,
     mode: str = "refined",
     changes: dict[str, Any] | None = None,
     seed: int = 1,
-    workers: int = 2,
     told: Callable[[int, int], None] = lambda done, all_: None,
 ) -> Outcome:
     """Drive all trials; `changes` is laid over the protocol's settings, `told` hears of the runs done.
@@ -63,25 +76,21 @@ def drive(
     protocol = dataclasses.replace(protocol, settings=laid_over(protocol.settings, changes or {}))
     todo, verdicts = trials_of(protocol), []
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool:
-            for attempt in range(1, protocol.attempts + 1):
-                todo = [dataclasses.replace(trial, attempt=attempt) for trial in todo]
-                made = batches(protocol, todo)
-                jobs = {
-                    pool.submit(_run, batch, Path(work) / f"{attempt}_{k}", mode, seed): k
-                    for k, batch in enumerate(made)
-                }
-                found: dict[int, list[Verdict]] = {}
-                for done, job in enumerate(as_completed(jobs)):
-                    found[jobs[job]] = job.result()
-                    told(done + 1, len(made))
-                fresh = [verdict for k in range(len(made)) for verdict in found[k]]
-                verdicts += fresh
-                again = {v.vehicle_id for v in fresh if not v.valid}
-                todo = [trial for trial in todo if trial.vehicle_id in again]
-                if not todo:
-                    break
+        for attempt in range(1, protocol.attempts + 1):
+            made = batches(protocol, [dataclasses.replace(trial, attempt=attempt) for trial in todo])
+            jobs = {
+                pool.submit(_run, batch, Path(work) / f"{attempt}_{k}", mode, seed): k
+                for k, batch in enumerate(made)
+            }
+            found: dict[int, list[Verdict]] = {}
+            for done, job in enumerate(as_completed(jobs)):
+                found[jobs[job]] = job.result()
+                told(done + 1, len(made))
+            verdicts += [verdict for k in range(len(made)) for verdict in found[k]]
+            bad = {(v.cell, v.trial) for k in found for v in found[k] if not v.valid}
+            todo = [trial for trial in todo if (trial.cell, trial.number) in bad]
+            if not todo:
+                break
     order = {trial.cell: k for k, trial in enumerate(trials_of(protocol))}
     verdicts.sort(key=lambda v: (order[v.cell], v.trial, v.attempt))
     return outcome(protocol, verdicts)

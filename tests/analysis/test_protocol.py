@@ -151,8 +151,10 @@ def test_verdicts_on_approaches() -> None:
     assert (late.passed, late.valid, late.why) == (False, True, "0.20 s too late")
     assert judge(trial, coming_up(None), NO_TRACKS, SPAN, FRONT).why == "no alert"
     beside = Trial(dataclasses.replace(STOPPED, expect="none", leader_lane="left"), "beside", 1, 1, 0.0)
-    assert judge(beside, coming_up(None), NO_TRACKS, SPAN, FRONT).passed
-    assert judge(beside, coming_up(2.0), NO_TRACKS, SPAN, FRONT).why == "an alert of a vehicle beside"
+    seen = pd.DataFrame({"time_s": [1.0], "target_id": [f"{beside.vehicle_id}_leader"]})
+    assert judge(beside, coming_up(None), seen, SPAN, FRONT).passed
+    assert judge(beside, coming_up(2.0), seen, SPAN, FRONT).why == "an alert of a vehicle beside"
+    assert not judge(beside, coming_up(None), NO_TRACKS, SPAN, FRONT).valid
     ranged = Trial(
         dataclasses.replace(
             STOPPED,
@@ -218,7 +220,7 @@ def test_cells_and_totals() -> None:
     again = outcome(protocol, [*verdicts(5, cells[0]), repeated, *verdicts(3, cells[1])])
     assert again.passed
     assert len(trial_table(again)) == 11
-    assert comparison_row("mine", again)["least margin"] == "0.00 m"
+    assert comparison_row("mine", "refined", "camp", again)["least_margin"] == "0.00 m"
 
 
 SMALL = """
