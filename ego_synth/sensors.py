@@ -57,7 +57,7 @@ class EgoSensors:
     speed_noise_mps: float = Field(0.02, ge=0, le=2, description="wheel speed: noise of a reading")
     speed_resolution_mps: float = Field(0.01, ge=0, le=1, description="wheel speed: step, 0 for none")
     speed_scale: float = Field(
-        0.005,
+        0.001,
         ge=0,
         le=0.1,
         description="wheel speed: share that it errs by (tyre's radius), between vehicles",
@@ -122,7 +122,7 @@ def read(
     yaw_rate_rps: Array,
     steer_rad: Array,
 ) -> tuple[SensorState, Readings]:
-    """One reading of n vehicles, of their true speed, acceleration, yaw rate and front-wheel angle, (n,) each.
+    """One reading of n vehicles of their true speed, acceleration, yaw rate and front-wheel angle, (n,) each.
 
     Without `used` speed, acceleration and yaw rate are the truth and the steering wheel is NaN.
     """

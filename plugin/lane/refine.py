@@ -215,7 +215,7 @@ def step(
 
     frames (n, 240, 320) uint8. borders: the published search's, for the vehicles that `given` (n,) bool
     marks; None for none. speed_mps (n,): of the step that led here. hidden (n, BODIES, COLUMNS): the bodies
-    ahead, from `plugin.lane.hidden`, where they are known. turn (n, 2): mean yaw rate of that step in rad/s and
+    ahead, from `plugin.lane.hidden`, where they are known. turn (n, 2): mean yaw rate in rad/s of that step and
     its variance, by the vehicle's own sensors, NaN where it has none.
 
     Raises ValueError where the sizes do not fit.

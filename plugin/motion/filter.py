@@ -1,4 +1,4 @@
-"""The default observer: yaw rate and lateral speed from the camera and the vehicle's own sensors, at any speed.
+"""The default observer: yaw rate and lateral speed from camera and own sensors, at any speed.
 
 Where Zhang et al. 2011 take the steer for a known input, differentiated out of the picture, this filter keeps
 it as a state: the steer is what the road's curvature asks for (a little ahead of the vehicle) plus a residual
@@ -12,8 +12,8 @@ on; what lies under the wheels comes from its memory. So heading and offset err 
 been turned about that point: by an error that lasts for seconds (a state), and by a tracker that takes the
 car to roll without slip (in proportion to v_y).
 
-A gyroscope and a steering sensor, where the vehicle has them, are two more measurements: γ and the steer, each
-with an offset that is a state and wanders slowly. Without them the filter is the camera's alone.
+A gyroscope and a steering sensor, where the vehicle has them, are two more measurements: γ and the steer,
+each with an offset that is a state and wanders slowly. Without them the filter is the camera's alone.
 
 The model is linear for a given speed: Φ and Q are worked out on a table of speeds at set-up and interpolated.
 The exact discretisation of the single-track model becomes rolling without slip by itself as v → 0.
@@ -104,8 +104,8 @@ class FilterSettings:
     sensed_look_factor: float = Field(
         2.5,
         gt=0,
-        description="on offset_m and heading_rad while both sensors read: errors of looks are alike for long, "
-        "which shows once the motion is known without them",
+        description="on offset_m and heading_rad while both sensors read: the errors of looks are alike for "
+        "long, which matters once the motion is known without them",
     )
     sensed_slip_error: float = Field(0.005, ge=0, description="slip_error while both sensors read")
 

@@ -21,9 +21,10 @@ M = 4  # measurements of a look
 VY, YAW, D, PSI, K, KRATE, R, AIM, UNREST, CALM, BIAS, GYRO, ALIGNMENT = range(N)
 _HARDEST_MPS2 = 3.0  # lateral acceleration up to which the noise grows with it
 _REOPENED = (VY, YAW, PSI, R, AIM)
-_OPENED_BY_YAW_RATE, _OPENED_BY_STEER = (VY, YAW), (R, AIM)
-# standard deviations by state: m/s, rad/s, rad, m/s², m/s²
-_REOPENED_SD = (0.3, 0.1, 0.0, 0.01, 0.0, 0.0, 2.0, 2.0)
+_REOPENED_SENSED = (D, PSI, K, KRATE)  # where the vehicle's own sensors tell the rest
+_REOPENED_BY_YAW_RATE, _REOPENED_BY_STEER = (VY, YAW), (R, AIM)
+# standard deviations by state: m/s, rad/s, m, rad, 1/m, 1/m², m/s², m/s²
+_REOPENED_SD = (0.3, 0.1, 0.05, 0.01, 3e-4, 1e-5, 2.0, 2.0)
 _GROSS = 2.0  # so many times off the clip an innovation is an error, no manoeuvre
 
 
@@ -130,11 +131,13 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                 away = abs(z[0] - x[D]) > s.away
                 pose_spread = spread * s.sensed_look if sensed else spread
                 off = update(x, P, z, pose_spread, spread, s, gain, PH)
-                if off > _GROSS * s.clip and not away and not sensed:
-                    # An abrupt manoeuvre, no error of the camera: what is not measured is open again.
-                    for k in range(len(_REOPENED)):
-                        a = _REOPENED[k]
-                        P[a, a] += _REOPENED_SD[a] ** 2
+                if off > _GROSS * s.clip and not away:
+                    # An abrupt manoeuvre, no error of the camera: what is not measured is open again. That is
+                    # the lane, not the motion, where the vehicle's own sensors read.
+                    if sensed:
+                        reopen(P, _REOPENED_SENSED)
+                    else:
+                        reopen(P, _REOPENED)
                     off = update(x, P, z, pose_spread, spread, s, gain, PH)
                 misfits = misfits + 1 if away or off > _GROSS * s.clip else 0
                 if off > s.doubt:
@@ -144,10 +147,12 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                 settled = 0.0
         if not running:
             begin(z, j, w, v, s, x, P)
+            age, misfits, settled = 0.0, 0, 0.0
             if sensed:
                 keep(state.running[i], state.x[i], state.P[i], x, P)
                 sense(x, P, yaw_rate, steer, j, w, v, s, gain, PH)
-            age, misfits, settled = 0.0, 0, 0.0
+                if state.running[i]:
+                    age = s.settle  # the motion is known
         new.running[i], new.width[i], new.unseen[i] = True, width, unseen
         new.age[i], new.misfits[i], new.settled[i] = age, misfits, settled
         report(i, x, j, w, s, age, width, shift, out)
@@ -222,7 +227,7 @@ def sense(x, P, yaw_rate, steer, j, w, v, s, row, PH):  # type: ignore[no-untype
     if math.isfinite(yaw_rate):
         row[:] = 0.0
         row[YAW] = row[GYRO] = 1.0
-        _reading(x, P, yaw_rate, s.yaw_rate_noise, s.clip, _OPENED_BY_YAW_RATE, row, PH)
+        _reading(x, P, yaw_rate, s.yaw_rate_noise, s.clip, _REOPENED_BY_YAW_RATE, row, PH)
     if math.isfinite(steer) and v > 0.1:
         row[:] = 0.0
         row[K] = (1.0 - w) * s.steer[j, 0] + w * s.steer[j + 1, 0]
@@ -231,7 +236,7 @@ def sense(x, P, yaw_rate, steer, j, w, v, s, row, PH):  # type: ignore[no-untype
         row[UNREST], row[CALM], row[ALIGNMENT] = s.quick, -s.quick, 1.0
         slowness = max(s.slow / v, 1.0) ** 4
         noise = slowness * (s.steer_noise + (s.steer_scale * steer) ** 2)
-        _reading(x, P, steer, noise, s.clip, _OPENED_BY_STEER, row, PH)
+        _reading(x, P, steer, noise, s.clip, _REOPENED_BY_STEER, row, PH)
 
 
 @kernel
@@ -256,6 +261,13 @@ def _reading(x, P, z, noise, clip, opened, row, PH):  # type: ignore[no-untyped-
     for r in range(N):
         for c in range(r + 1):
             P[r, c] = P[c, r] = P[r, c] - PH[r] * PH[c] / S
+
+
+@kernel
+def reopen(P, states):  # type: ignore[no-untyped-def]
+    """Take these states for hardly known."""
+    for k in range(len(states)):
+        P[states[k], states[k]] += _REOPENED_SD[states[k]] ** 2
 
 
 @kernel

@@ -55,7 +55,8 @@ def step(
 ) -> tuple[State, MotionEstimate]:
     """One step of 0.1 s for n vehicles; speed_mps (n,) from the vehicle's own speedometer.
 
-    `own`: yaw rate and steer, None for a camera alone; Z11's bank never looks at them. Without a lane it coasts for `coast_s`, then all is NaN. Raises TypeError for a state of the other mode.
+    `own`: yaw rate and steer, None for a camera alone; Z11's bank never looks at them. Without a lane it
+    coasts for `coast_s`, then all is NaN. Raises TypeError for a state of the other mode.
     """
     if isinstance(schedule, BankSchedule) and isinstance(state, BankState):
         return bank.step(state, schedule, lane, speed_mps)
@@ -65,8 +66,8 @@ def step(
 
 
 def turn(state: State, schedule: Schedule, own: OwnReadings) -> Array:
-    """What the lane tracker may know before its next look, (n, 2): mean yaw rate of the step that leads to the
-    readings `own`, and its variance. `state` is that before the step. NaN without readings and in mode paper.
+    """What the lane tracker may know before its next look, (n, 2): mean yaw rate of the step that leads to
+    the readings `own`, and its variance; `state` is that before the step. NaN without readings, or in paper.
     """
     if isinstance(schedule, FilterSchedule) and isinstance(state, FilterState):
         return filter.turn(state, schedule, own)
@@ -74,6 +75,6 @@ def turn(state: State, schedule: Schedule, own: OwnReadings) -> Array:
 
 
 def yaw_rate(state: State, motion: MotionEstimate, measured_rps: Array) -> Array:
-    """The best yaw rate (n,) for the radar: observed, else the gyroscope's, without its offset where known."""
+    """The best yaw rate (n,) for the radar: as observed, else the gyroscope's less its known offset."""
     offset = state.x[:, GYRO] if isinstance(state, FilterState) else 0.0
     return np.where(np.isfinite(motion.yaw_rate_rps), motion.yaw_rate_rps, measured_rps - offset)
