@@ -66,27 +66,6 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def turned(x, P, phase, advance, yaw_rate, variance, t):  # type: ignore[no-untyped-def]
-    """Before `predict`: the vehicle's own sensors say that it turned by `yaw_rate` over the step.
-
-    One scalar Kalman update: TURN + v κ is seen, κ the curvature half-way, of the two knots around it.
-    """
-    along = (0.5 * advance + phase) / SPACING_M
-    j = min(int(along), KNOTS - 2)
-    far = min(along - j, 1.0)
-    speed = advance / t.step_s
-    near_share, far_share = speed * (1.0 - far), speed * far
-    a, b = KNOT + j, KNOT + j + 1
-    residual = yaw_rate - x[TURN] - near_share * x[a] - far_share * x[b]
-    PH = P[:, TURN] + near_share * P[:, a] + far_share * P[:, b]
-    S = PH[TURN] + near_share * PH[a] + far_share * PH[b] + variance
-    for r in range(STATES):
-        x[r] += PH[r] / S * residual
-        for c in range(STATES):
-            P[r, c] -= PH[r] * PH[c] / S
-
-
-@kernel
 def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
     """The first knot fell behind: renumber, and append one whose curvature is the last one's ± bend_std,
     drawn a little towards a straight road."""

@@ -115,9 +115,6 @@ class Tuning(NamedTuple):
     start_heading_std: float = 0.02
     jump_m: float = 0.5
     jump_rad: float = 0.03
-    turned_walk: float = (
-        0.5  # share of the walks of offset and heading that is left once the turn is measured
-    )
 
 
 class LaneState(NamedTuple):
@@ -183,11 +180,6 @@ def tuning(refine: Refine, preview_m: float) -> Tuning:
     )
 
 
-def turned_tuning(t: Tuning) -> Tuning:
-    """The tuning of a step in which the vehicle's own sensors say how it turned."""
-    return t._replace(offset_walk=t.turned_walk * t.offset_walk, heading_walk=t.turned_walk * t.heading_walk)
-
-
 def preview_distance(p: Projection) -> float:
     """D_L of a camera, as Camera.preview_m; 33.5 m where the camera does not look down."""
     if p.sin_pitch <= 0.01:
@@ -209,14 +201,12 @@ def step(
     speed_mps: Array,
     refine: Refine,
     hidden: Array | None = None,
-    turn: Array | None = None,
 ) -> tuple[LaneState, LaneEstimate]:
     """One frame of each of n vehicles.
 
     frames (n, 240, 320) uint8. borders: the published search's, for the vehicles that `given` (n,) bool
     marks; None for none. speed_mps (n,): of the step that led here. hidden (n, BODIES, COLUMNS): the bodies
-    ahead, from `plugin.lane.hidden`, where they are known. turn (n, 2): mean yaw rate in rad/s of that step and
-    its variance, by the vehicle's own sensors, NaN where it has none.
+    ahead, from `plugin.lane.hidden`, where they are known.
 
     Raises ValueError where the sizes do not fit.
     """
@@ -229,7 +219,6 @@ def step(
         left, right = np.ascontiguousarray(borders.left), np.ascontiguousarray(borders.right)
         there = np.ones(n, np.bool_) if given is None else np.ascontiguousarray(given, np.bool_)
     new = LaneState(*(np.empty_like(part) for part in state))
-    numbers = tuning(refine, preview_distance(projection))
     out = _empty_estimate(n)
     step_kernel(
         np.ascontiguousarray(frames),
@@ -241,9 +230,7 @@ def step(
         _rows(projection),
         projection,
         np.ascontiguousarray(speed_mps, np.float64),
-        np.full((n, 2), np.nan) if turn is None else np.ascontiguousarray(turn, np.float64),
-        numbers,
-        turned_tuning(numbers),
+        tuning(refine, preview_distance(projection)),
         new,
         out,
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from plugin.lane.evidence import pixel_noise, plausible, share_of_paint, side_seen, support_of
 from plugin.lane.hidden import outline
-from plugin.lane.lane_motion import predict, shift_lane, turned
+from plugin.lane.lane_motion import predict, shift_lane
 from plugin.lane.lane_start import room_for, start
 from plugin.lane.refine_fit import farthest_found, fit, gather, invert, predict_spread, tally, workspace
 from plugin.lane.road_model import (
@@ -48,14 +48,8 @@ def second_look(status, age, misses, doubtful):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step_kernel(  # type: ignore[no-untyped-def]
-    frames, left, right, given, hidden, old, rows, p, speed, turn, t, t_turned, new, out
-):
-    """One frame for every vehicle: state `old` -> `new`, LaneEstimate arrays in `out`.
-
-    turn (n, 2): the yaw rate and its variance by the vehicle's own sensors, NaN for none; t_turned is t where
-    there are some.
-    """
+def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new, out):  # type: ignore[no-untyped-def]
+    """One frame for every vehicle: state `old` -> `new`, LaneEstimate arrays in `out`."""
     work = workspace(rows.shape[0])
     room = room_for(rows.shape[0])
     before = np.zeros(STATES)
@@ -82,11 +76,7 @@ def step_kernel(  # type: ignore[no-untyped-def]
                     new.found[i, side] = found / max(expected, 1)
         else:
             age += 1
-            if math.isfinite(turn[i, 0]):
-                turned(x, P, phase, speed[i] * t.step_s, turn[i, 0], turn[i, 1], t)
-                phase = predict(x, P, phase, speed[i] * t.step_s, t_turned)
-            else:
-                phase = predict(x, P, phase, speed[i] * t.step_s, t)
+            phase = predict(x, P, phase, speed[i] * t.step_s, t)
             before[:] = x
             good = invert(P, work.factor, work.prior)
             predict_spread(x, P, phase, rows, p, t, work)

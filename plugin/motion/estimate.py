@@ -24,7 +24,7 @@ class MotionEstimate(NamedTuple):
 
 
 class OwnReadings(NamedTuple):
-    """What the vehicle's own sensors say beside its speed, (n,) each, left positive; NaN where it has none."""
+    """What the vehicle's own sensors say beside its speed, (n,) each, left positive; NaN for none."""
 
     yaw_rate_rps: Array  # gyroscope
     steer_rad: Array  # front wheels, by the steering wheel's angle

@@ -102,7 +102,7 @@ class FilterSettings:
     steer_offset_rad: float = Field(1.1e-3, gt=0, description="steering: its offset at first sight")
     steer_walk: float = Field(1.1e-5, ge=0, description="steering: its offset wanders, rad per √s")
     sensed_look_factor: float = Field(
-        2.5,
+        2.0,
         gt=0,
         description="on offset_m and heading_rad while both sensors read: the errors of looks are alike for "
         "long, which matters once the motion is known without them",
@@ -276,17 +276,3 @@ def step(
     new, out = init(n), blank(n)
     filter_kernels.step(state, schedule, lane, own or no_readings(n), speed_mps, new, out)
     return new, out
-
-
-def own_yaw_rate(state: FilterState, schedule: FilterSchedule, own: OwnReadings) -> tuple[Array, Array]:
-    """The gyroscope's yaw rate (n,) without the offset that is known so far, and its variance."""
-    known = state.P[:, GYRO, GYRO]
-    variance = np.where(known > 0.0, known, schedule.initial[GYRO]) + schedule.yaw_rate_noise
-    return own.yaw_rate_rps - state.x[:, GYRO], variance
-
-
-def turn(state: FilterState, schedule: FilterSchedule, own: OwnReadings) -> Array:
-    """(n, 2): mean yaw rate of the step that leads to these readings, and its variance; NaN without them."""
-    now, variance = own_yaw_rate(state, schedule, own)
-    before = np.where(state.running, state.x[:, YAW], now)
-    return np.stack([0.5 * (before + now), np.where(np.isfinite(now), variance, np.nan)], axis=-1)

@@ -81,6 +81,7 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
     """
     F, Q, half = np.empty((N, N)), np.empty((N, N)), np.empty((N, N))
     z, gain, PH = np.empty(M), np.empty(N), np.empty(N)
+    x_before, P_before = np.empty(N), np.empty((N, N))
     for i in range(speed.size):
         v = max(0.0, speed[i])
         z[0], z[1] = lane.lateral_offset_m[i], lane.heading_error_rad[i]
@@ -130,17 +131,20 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                 spread = s.one_border if borders == 1 else 1.0
                 away = abs(z[0] - x[D]) > s.away
                 pose_spread = spread * s.sensed_look if sensed else spread
+                x_before[:], P_before[:, :] = x, P
                 off = update(x, P, z, pose_spread, spread, s, gain, PH)
+                contradicted = sensed and off > s.doubt
                 if off > _GROSS * s.clip and not away:
                     # An abrupt manoeuvre, no error of the camera: what is not measured is open again. That is
                     # the lane, not the motion, where the vehicle's own sensors read.
                     if sensed:
+                        x[:], P[:, :] = x_before, P_before
                         reopen(P, _REOPENED_SENSED)
                     else:
                         reopen(P, _REOPENED)
                     off = update(x, P, z, pose_spread, spread, s, gain, PH)
                 misfits = misfits + 1 if away or off > _GROSS * s.clip else 0
-                if off > s.doubt:
+                if contradicted or off > s.doubt:
                     settled = 0.0
                 running = misfits <= s.misfits
             elif unseen > s.settle - 1e-9:
@@ -271,17 +275,20 @@ def reopen(P, states):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def lasts(state, running):  # type: ignore[no-untyped-def]
+    """Whether a new start leaves a state alone: an offset of a sensor, or the motion of a filter that ran."""
+    return state >= GYRO or (running and state in (VY, YAW, UNREST, CALM))
+
+
+@kernel
 def keep(running, x0, P0, x, P):  # type: ignore[no-untyped-def]
-    """Carry over from (x0, P0) what the vehicle's own sensors know whatever the lane: of a filter that ran, its
-    motion, else the sensors' offsets."""
+    """Carry over from (x0, P0) what the vehicle's own sensors know whatever the lane."""
     for a in range(N):
-        if not (a >= GYRO or (running and (a <= YAW or a == UNREST or a == CALM))):
-            continue
-        if P0[a, a] <= 0.0:  # never known
+        if not lasts(a, running) or P0[a, a] <= 0.0:  # or was never known
             continue
         x[a] = x0[a]
         for c in range(N):
-            if P0[c, c] > 0.0 and (c >= GYRO or (running and (c <= YAW or c == UNREST or c == CALM))):
+            if lasts(c, running) and P0[c, c] > 0.0:
                 P[a, c] = P0[a, c]
 
 

@@ -65,15 +65,6 @@ def step(
     raise TypeError(f"{type(state).__name__} is not the state of a {type(schedule).__name__}")
 
 
-def turn(state: State, schedule: Schedule, own: OwnReadings) -> Array:
-    """What the lane tracker may know before its next look, (n, 2): mean yaw rate of the step that leads to
-    the readings `own`, and its variance; `state` is that before the step. NaN without readings, or in paper.
-    """
-    if isinstance(schedule, FilterSchedule) and isinstance(state, FilterState):
-        return filter.turn(state, schedule, own)
-    return np.full((len(own.yaw_rate_rps), 2), np.nan)
-
-
 def yaw_rate(state: State, motion: MotionEstimate, measured_rps: Array) -> Array:
     """The best yaw rate (n,) for the radar: as observed, else the gyroscope's less its known offset."""
     offset = state.x[:, GYRO] if isinstance(state, FilterState) else 0.0
