@@ -8,11 +8,15 @@ from hypothesis import settings as within
 from hypothesis import strategies as st
 from manoeuvre import PREVIEW_M, drive, lane_change_steer, looks, unseen
 
+from ego_synth.sensors import EgoSensors
+from plugin.configuration import configuration_from
 from plugin.motion import observer
-from plugin.motion.estimate import MotionEstimate, OwnReadings
+from plugin.motion.estimate import MotionEstimate, OwnReadings, blank
 from plugin.motion.filter import FilterSettings
 from plugin.motion.filter_kernels import ALIGNMENT, CALM, GYRO, KRATE, UNREST, YAW, K, N, R, sense
 from plugin.motion.observer import ObserverSettings
+from plugin.own_motion import OwnSensors
+from sumo_net.ego import EgoTruth
 from sumo_net.vehicle import Vehicle, steady_state
 
 HALF = Vehicle()
@@ -202,3 +206,55 @@ def test_paper_mode_never_looks_at_them(change):
     for one, other in zip(alone, rows, strict=True):
         for name in MotionEstimate._fields:
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def truth_of(n):
+    """An EgoTruth of which the sensors see speed, acceleration, yaw rate and steer."""
+    parts = {name: np.zeros(n) for name in EgoTruth._fields}
+    parts |= {"speed_mps": np.full(n, 20.0), "acceleration_mps2": np.full(n, -1.0)}
+    parts |= {"yaw_rate_rps": np.full(n, 0.1), "steer_rad": np.full(n, 0.01)}
+    return EgoTruth(**parts)
+
+
+def test_unused_sensors_leave_the_observer_the_camera_and_the_rest_the_truth():
+    own = OwnSensors(configuration_from({"ego_sensors": {"used": False}}), seed=1)
+    _, read = own.step(own.init(["a", "b"]), truth_of(2))
+    assert np.isnan(read.observed.yaw_rate_rps).all()
+    assert np.isnan(read.observed.steer_rad).all()
+    state = observer.init(2, UNCLIPPED)
+    rows = own.for_radar(read, state, blank(2))
+    for name, value in (("speed_mps", 20.0), ("acceleration_mps2", -1.0), ("yaw_rate_rps", 0.1)):
+        assert np.all(getattr(rows, name) == value)
+
+
+def test_sensors_read_about_the_truth_and_the_observer_gets_the_front_wheels_angle():
+    own = OwnSensors(configuration_from({}), seed=1)
+    names = [f"v{i}" for i in range(200)]
+    _, read = own.step(own.init(names), truth_of(200))
+    assert read.observed.steer_rad.mean() == pytest.approx(0.01, abs=3e-4)
+    assert read.observed.steer_rad.std() > 5e-4
+    assert read.observed.yaw_rate_rps.mean() == pytest.approx(0.1, abs=6e-4)
+    assert not np.any(read.readings.speed_mps == 20.0 + 1e-12)
+    assert read.readings.speed_mps.std() == pytest.approx(np.hypot(0.001 * 20.0, 0.02), rel=0.2)
+    # while there is no lane the radar gets the gyroscope, else what is observed
+    motion = blank(200)
+    for part in motion[:-1]:
+        part[:] = np.nan
+    motion.yaw_rate_rps[:100] = 0.07
+    yaw_rate = own.for_radar(read, observer.init(200, UNCLIPPED), motion).yaw_rate_rps
+    assert np.all(yaw_rate[:100] == 0.07)
+    np.testing.assert_array_equal(yaw_rate[100:], read.readings.yaw_rate_rps[100:])
+
+
+def test_the_filter_takes_the_sensors_for_what_they_are():
+    c, s = FilterSettings(), EgoSensors()
+    step = 1.0 / np.sqrt(12.0)
+    yaw_rate = np.hypot(s.yaw_rate_noise_rps, step * s.yaw_rate_resolution_rps)
+    steer = np.hypot(s.steering_noise_rad, step * s.steering_resolution_rad) / s.steering_ratio
+    assert c.yaw_rate_reading_rps == pytest.approx(yaw_rate, rel=0.15)
+    assert c.steer_reading_rad == pytest.approx(steer, rel=0.15)
+    assert c.yaw_rate_offset_rps == pytest.approx(s.yaw_rate_offset_rps, rel=0.15)
+    assert c.steer_offset_rad == pytest.approx(s.steering_offset_rad / s.steering_ratio, rel=0.15)
+    assert c.yaw_rate_walk == pytest.approx(s.yaw_rate_walk_rps, rel=0.15)
+    assert c.steer_walk == pytest.approx(s.steering_walk_rad / s.steering_ratio, rel=0.15)
+    assert c.steer_scale == s.steering_scale
