@@ -90,7 +90,8 @@ def radar() -> None:
     """Compile radar and tracker, as in the default settings."""
     from plugin.tracking.detections import Detections, at_rest
     from plugin.tracking.tracker import Tracker, TrackerSettings
-    from radar_synth.radar import OwnMotion, Radar, scan
+    from radar_synth.radar import OwnMotion, Radar
+    from radar_synth.scan import scan
     from sumo_net.surroundings import Objects
 
     one = np.zeros((1, 1))

@@ -23,7 +23,8 @@ KERNELS: list[Any] = []  # those of all modules that were imported
 def kernel(function: _F) -> _F:
     """Compile `function` in nopython mode at its first call and keep the result on disk."""
     # without the wrapper for C callers, which nothing here is: a tenth of the time to compile
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    compiled: Any = numba.njit(**options)(function)
     try:
         compiled._cache = _Cache(function)  # what njit(cache=True) does with numba's own
     except RuntimeError:  # numba found no folder that it can write
