@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,8 @@ def compiling() -> Iterator[Meet]:
     if compiled() or (os.cpu_count() or 1) < 2:
         yield lambda: None
         return
-    command = [sys.executable, "-m", "analysis.warm_up", "lane", "radar"]
+    # -P: whatever is called `analysis` where the user stands is not this one
+    command = [sys.executable, "-P", "-m", "analysis.warm_up", "lane", "radar"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as helper:
 
         def meet() -> None:
@@ -44,11 +46,12 @@ def compiling() -> Iterator[Meet]:
 
 
 def compiled() -> bool:
-    """Whether the largest kernel is in the cache."""
+    """Whether the largest kernel is in the cache, or there is no cache that a helper could put it into."""
     from plugin.lane.refine_kernels import step_kernel
 
-    kernel = step_kernel  # a Dispatcher
-    return any(Path(kernel.stats.cache_path).glob("refine_kernels.step_kernel-*.nbi"))  # type: ignore[attr-defined]
+    kernel: Any = step_kernel  # a Dispatcher
+    folder = kernel.stats.cache_path
+    return folder is None or any(Path(folder).glob("refine_kernels.step_kernel-*.nbi"))
 
 
 def lane() -> None:

@@ -1,5 +1,7 @@
 """The parts that are compiled ahead are those that a run calls: not one more variant of a kernel follows."""
 
+from types import SimpleNamespace
+
 import numba
 
 from analysis import warm_up
@@ -56,3 +58,9 @@ def test_what_a_failed_helper_leaves_is_done_without_it(monkeypatch):
     with warm_up.compiling() as meet:
         meet()
     assert done == ["picture"]
+
+
+def test_without_a_cache_no_helper_starts(monkeypatch):
+    uncached = SimpleNamespace(stats=SimpleNamespace(cache_path=None))
+    monkeypatch.setattr(refine_kernels, "step_kernel", uncached)
+    assert warm_up.compiled()
