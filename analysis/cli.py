@@ -28,7 +28,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         errors.print(f"error: {_one_line(error.format_message())} (see {where} --help)")
         raise SystemExit(2) from None
     except ModuleNotFoundError as error:  # an interrupted installation
-        errors.print(f"error: {error.name} is not installed: run `pip install sumo-adas`, or `make demo`, again")
+        errors.print(
+            f"error: {error.name} is not installed: run `pip install sumo-adas`, or `make demo`, again"
+        )
         raise SystemExit(2) from None
     except (KeyboardInterrupt, typer.Abort):
         raise SystemExit(130) from None

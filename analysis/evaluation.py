@@ -66,7 +66,16 @@ def evaluate(
     ):
         task = progress.add_task("runs", total=len(jobs))
         futures = [
-            pool.submit(server.result, _one, scenario, out / condition / str(seed), seed, duration_s, fraction, condition)
+            pool.submit(
+                server.result,
+                _one,
+                scenario,
+                out / condition / str(seed),
+                seed,
+                duration_s,
+                fraction,
+                condition,
+            )
             for condition, seed in jobs
         ]
         for future in concurrent.futures.as_completed(futures):

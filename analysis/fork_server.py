@@ -47,7 +47,7 @@ class ServerError(RuntimeError):
 
 
 class ForkServer:
-    """Runs functions in processes of their own, also from several threads at once; starts at the first call."""
+    """Runs functions in processes of their own, several at once if asked by several threads."""
 
     def __init__(self, modules: Iterable[str] = LOADED) -> None:
         """modules : that the server imports."""
@@ -217,7 +217,8 @@ class _Server:
 
     def _begin(self, asker: socket.socket) -> None:
         answer, write = os.pipe()
-        words = tempfile.TemporaryFile()  # noqa: SIM115: closed when the call has ended
+        # closed when the call has ended
+        words = tempfile.TemporaryFile()  # noqa: SIM115
         begin = time.monotonic()
         child = os.fork()
         if child == 0:

@@ -5,10 +5,11 @@
     python benchmarks/campaign.py start [--runs 8]
     python benchmarks/campaign.py kill [--kills 20] [--runs 12]
 
-`scaling` prints the clock's gain and, for a machine that others use too, the two things that it consists of: the
-processor time of the runs with one and with two workers, and how much of the workers' time was spent in runs.
-`many` follows the resident memory of the client (which has the scheduler and the workers of a local campaign in
-it) and of the server that the runs are forked from. `start` times runs of 0.1 s in fresh processes and in forks.
+`scaling` prints the clock's gain and, for a machine that others use too, the two things that it consists of:
+the processor time of the runs with one and with two workers, and how much of the workers' time was spent in
+runs. `many` follows the resident memory of the client (which has the scheduler and the workers of a local
+campaign in it) and of the server that the runs are forked from. `start` times runs of 0.1 s in fresh
+processes and in forks.
 `kill` sends SIGKILL to the whole campaign (client, workers, runs) at random moments, resumes it with the same
 command, and at the end compares every CSV of the report with that of a campaign that nobody disturbed.
 """
@@ -72,8 +73,11 @@ class Watch:
             server = psutil.Process(_server.pid)
             row = (len(self.done), rss_mb(psutil.Process()), rss_mb(server), time.process_time())
             self.memory.append(row)
-            print(f"{row[0]} runs: client {row[1]:.1f} MB, server {row[2]:.1f} MB, client's processor {row[3]:.1f} s",
-                  flush=True)  # fmt: skip
+            print(
+                f"{row[0]} runs: client {row[1]:.1f} MB, server {row[2]:.1f} MB, client's processor "
+                f"{row[3]:.1f} s",
+                flush=True,
+            )
             if self._file is not None:
                 with self._file.open("a", newline="") as file:
                     csv.writer(file).writerow(row)
@@ -111,11 +115,12 @@ def scaling(work: Path, runs: int, duration_s: float) -> None:
         outside = sum(done.seconds - done.run_s for done in watch.done[workers:])
         steady = sum(done.seconds for done in watch.done[workers:])
         print(
-            f"{workers} workers: {clock[workers]:.1f} s, {cpu[workers] / runs:.2f} core seconds a run; cluster "
-            f"started in {watch.ready - watch.begin:.2f} s; in runs {inside / workers / clock[workers]:.1%} of the "
-            f"workers' time; a run's start by its worker, and its moving in, {outside / steady:.2%} of a run "
-            f"(without the first of each worker); client, scheduler and workers took {own:.2f} s of processor "
-            f"time, {own / cpu[workers]:.2%} of the runs'; load {os.getloadavg()[0]:.1f}",
+            f"{workers} workers: {clock[workers]:.1f} s, {cpu[workers] / runs:.2f} core seconds a run; "
+            f"cluster started in {watch.ready - watch.begin:.2f} s\n  in runs "
+            f"{inside / workers / clock[workers]:.1%} of the workers' time; what a worker does around a run "
+            f"{outside / steady:.2%} of it (without the first of each)\n  client, scheduler and "
+            f"workers took {own:.2f} s of processor time, "
+            f"{own / cpu[workers]:.2%} of the runs'; load {os.getloadavg()[0]:.1f}",
             flush=True,
         )
     print(f"two workers {clock[1] / clock[2]:.2f} times as fast by the clock")

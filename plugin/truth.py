@@ -142,7 +142,8 @@ class Scorer:
     def _forget_crossings(self, steps: Array) -> None:
         """Drop the crossings that no later one is measured against: those longer ago than `rearm_s`."""
         if len(steps):
-            first = int(steps.max()) - round((2.0 * LOOK_AHEAD_S + 10.0 + self._book.matching.rearm_s) / STEP_S)
+            waiting_s = 2.0 * LOOK_AHEAD_S + 10.0  # more than the rows that are not yet judged
+            first = int(steps.max()) - round((waiting_s + self._book.matching.rearm_s) / STEP_S)
             self._last_crossing = {key: step for key, step in self._last_crossing.items() if step >= first}
 
     def _departure(

@@ -39,7 +39,7 @@ def kernel(function: _F) -> _F:
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
-    """numba's cache, without its exceptions for a file that is cut short or garbled, or a disk that is full."""
+    """numba's cache; a file that is cut short or garbled, or a full disk, is no exception."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:

@@ -10,6 +10,7 @@ import logging
 import signal
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +22,7 @@ from analysis.campaign.one import one as one_run
 from analysis.campaign.plan import Plan, Run
 from analysis.campaign.store import Store
 from analysis.fork_server import ForkServer, ServerError
+from plugin.configuration import versions
 from sumo_net.settings import SettingsError
 from sumo_net.traffic import TrafficError
 
@@ -73,8 +75,14 @@ def run(
     Raises SettingsError before anything is run or overwritten.
     """
     store = Store(out)
-    with _client(workers, scheduler) as client:  # an unreachable one leaves no trace
-        store.claim(plan.campaign.title, plan.hash, len(plan.runs))
+    what = f"{plan.hash} with the published search beside" if compare_paper else plan.hash
+    store.check(what)
+    there = store.done()
+    missing = [one for one in plan.runs if one.key not in there]
+    with _client(workers, scheduler) as client:
+        if missing:
+            _check_workers(client)  # nothing has been written so far
+        store.claim(plan.campaign.title, what, len(plan.runs))
         store.sweep_up()
         store.describe(
             {
@@ -83,11 +91,8 @@ def run(
                 "keep": list(plan.campaign.keep),
             }
         )
-        there = store.done()
-        missing = [one for one in plan.runs if one.key not in there]
         tell(Progress(len(plan.runs), len(plan.runs) - len(missing), 0))
         if missing:
-            _check_workers(client)
             _work(client, plan, missing, store, compare_paper, tell)
     return store.failures()
 
@@ -211,16 +216,32 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Client]:
 
 
 def _check_workers(client: Client) -> None:
-    """Raises SettingsError where a worker cannot run anything."""
+    """Raises SettingsError where a worker cannot run anything, or has other versions than are here."""
     if not client.nthreads():
         raise SettingsError("the scheduler has no workers: start some, as in `dask worker ADDRESS`")
-    for worker, words in client.run(_ready).items():
-        if words:
-            raise SettingsError(f"worker {worker}: {words}")
 
+    def ready() -> tuple[str, str]:
+        # Sent as it is, for a worker without sumo-adas: it names nothing of this module.
+        import importlib
 
-def _ready() -> str:
-    import importlib.util
+        missing = []
+        for name in ("libsumo", "analysis.campaign", "plugin"):
+            try:
+                importlib.import_module(name)
+            except ImportError as error:
+                missing.append(error.name or name)
+        if missing:
+            return ", ".join(missing), ""
+        return "", str(importlib.import_module("plugin.configuration").versions())
 
-    missing = [name for name in ("libsumo", "analysis", "plugin") if importlib.util.find_spec(name) is None]
-    return f"has no {', '.join(missing)}: install sumo-adas there" if missing else ""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # libsumo's wheel warns about other Arrow versions
+        answers = client.run(ready, on_error="return")
+    for worker, answer in answers.items():
+        if isinstance(answer, BaseException):
+            raise SettingsError(f"worker {worker}: {type(answer).__name__}: {answer}")
+        missing, found = answer
+        if missing:
+            raise SettingsError(f"worker {worker} has no {missing}: install sumo-adas there")
+        if found != versions():
+            raise SettingsError(f"worker {worker} has {found}, here is {versions()}: install the same there")

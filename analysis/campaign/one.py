@@ -30,4 +30,3 @@ def one(order: dict[str, object], folder: Path) -> None:
             file.unlink()
     summary = {"key": order["key"], "cell": order["cell"], "seed": order["seed"], "counts": counts}
     (folder / "summary.json").write_text(json.dumps(summary, sort_keys=True), encoding="utf-8")
-

@@ -1,9 +1,11 @@
 """What a campaign consists of: the file, its cells and runs, checked whole before the first run."""
 
 import difflib
+import functools
 import hashlib
 import itertools
 import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -129,12 +131,13 @@ class Plan:
     cells: tuple[Mapping[str, Any], ...]  # scenario and grid values by dotted name
     runs: tuple[Run, ...]
     recorded_s: float  # simulated by all runs together
+    settings: tuple[str, ...]  # hash of each run's whole settings, and of the SUMO files that they name
 
     @property
     def hash(self) -> str:
-        """Of everything that the results depend on."""
-        runs = [[run.key, run.scenario, run.seed, run.changes] for run in self.runs]
-        text = json.dumps(runs, sort_keys=True)
+        """Of everything that the results depend on, and of the tables that are kept."""
+        keys = [run.key for run in self.runs]
+        text = json.dumps([keys, self.settings, sorted(set(self.campaign.keep))])
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -171,7 +174,8 @@ def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") ->
     if len(set(scenarios)) < len(scenarios):
         raise SettingsError(f"{source}: scenarios: one is given twice")
     cells: list[dict[str, Any]] = []
-    runs, recorded = [], 0.0
+    runs, recorded, hashes = [], 0.0, []
+    contents = functools.cache(_contents)
     for scenario, values in itertools.product(scenarios, itertools.product(*campaign.grid.values())):
         cell = dict(zip(campaign.grid, values, strict=True))
         for seed in numbers:
@@ -183,9 +187,27 @@ def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") ->
                 _put(changes, name, value, source)
             checked = _check(scenario, changes, source, cell)
             recorded += checked.duration_s
+            hashes.append(checked.hash + contents(checked.configuration) + contents(checked.net_file))
             runs.append(Run(f"{len(cells):04d}-{seed:010d}", len(cells), scenario, seed, changes))
         cells.append({"scenario": Path(scenario).name.split(".")[0]} | cell)
-    return Plan(campaign, tuple(cells), tuple(runs), recorded)
+    return Plan(campaign, tuple(cells), tuple(runs), recorded, tuple(hashes))
+
+
+def _contents(file: str) -> str:
+    """Hash of a SUMO file and of the files that it names; '' where none is named or can be read."""
+    path, whole = Path(file), hashlib.sha256()
+    if not file or not path.is_file():
+        return ""
+    content = path.read_bytes()
+    whole.update(content)
+    if path.suffix == ".sumocfg":
+        values = re.findall(r"""value\s*=\s*["']([^"'<>]+)["']""", content.decode("utf-8", "replace"))
+        for name in sorted({name.strip() for value in values for name in value.split(",")}):
+            named = path.parent / name
+            if name and named.is_file():
+                whole.update(name.encode())
+                whole.update(named.read_bytes())
+    return whole.hexdigest()
 
 
 def _check(scenario: str, changes: Mapping[str, Any], source: str, cell: Mapping[str, Any]) -> Configuration:

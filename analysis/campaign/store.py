@@ -31,20 +31,31 @@ class Store:
         except (ValueError, ImportError) as error:
             raise SettingsError(f"--out {self.address}: {error}") from None
 
+    def check(self, plan_hash: str) -> bool:
+        """Whether the directory is this campaign's already; False where it is new or empty.
+
+        Raises SettingsError where it is another one's, or cannot be read. Writes nothing.
+        """
+        try:
+            known = self.read("campaign.json")
+            empty = known is not None or not self._fs.exists(self._root) or not self._fs.ls(self._root)
+        except json.JSONDecodeError:
+            raise SettingsError(f"{self.address}: its campaign.json is broken: name another --out") from None
+        if not empty:
+            raise SettingsError(f"{self.address}: is not empty, and no campaign's: name another --out")
+        if known is not None and known["hash"] != plan_hash:
+            raise SettingsError(
+                f"{self.address}: holds another campaign, or this one with other settings, scenario files, "
+                f"--keep or --compare-paper ('{known['title']}', {known['runs']} runs): name another --out, "
+                "or remove it"
+            )
+        return known is not None
+
     def claim(self, title: str, plan_hash: str, runs: int) -> None:
         """Make the directory this campaign's. Raises SettingsError where it is another one's."""
-        known = self.read("campaign.json")
-        if known is not None:
-            if known["hash"] != plan_hash:
-                raise SettingsError(
-                    f"{self.address}: holds another campaign, or this one with other settings "
-                    f"('{known['title']}', {known['runs']} runs): name another --out, or remove it"
-                )
-            return
-        self._fs.makedirs(self._root, exist_ok=True)
-        if self._fs.ls(self._root, detail=False):
-            raise SettingsError(f"{self.address}: is not empty, and no campaign's: name another --out")
-        self.write("campaign.json", {"title": title, "hash": plan_hash, "runs": runs})
+        if not self.check(plan_hash):
+            self._fs.makedirs(self._root, exist_ok=True)
+            self.write("campaign.json", {"title": title, "hash": plan_hash, "runs": runs})
 
     def describe(self, plan: dict[str, Any]) -> None:
         """Write what the cells are, for the report."""

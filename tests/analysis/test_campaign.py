@@ -147,6 +147,49 @@ def test_a_run_is_there_whole_or_not_at_all(tmp_path: Path, address: str) -> Non
     assert store.failures() == {}
 
 
+def test_a_directory_is_refused_where_anything_that_matters_has_changed(tmp_path: Path) -> None:
+    base = tmp_path / "mine.toml"
+    base.write_text("duration_s = 3.0\n")
+    text = 'scenarios = ["mine.toml"]\nseeds = [1]\n'
+    first = load(written(tmp_path, text)).hash
+    assert load(written(tmp_path, text)).hash == first
+    assert load(written(tmp_path, text), keep=("steps",)).hash != first
+    assert load(written(tmp_path, text + "settings = { warm_up_s = 1.0 }")).hash != first
+    base.write_text("duration_s = 3.0\nequipment.fraction = 0.3\n")  # the file behind the campaign's own
+    assert load(written(tmp_path, text)).hash != first
+    net, base = tmp_path / "a.net.xml", tmp_path / "a.sumocfg"
+    base.write_text("<configuration><input><net-file value='a.net.xml'/></input></configuration>")
+    net.write_text("<net/>")
+    text = 'scenarios = ["a.sumocfg"]\nseeds = [1]\n'
+    first = load(written(tmp_path, text)).hash
+    net.write_text("<net version='1'/>")  # and the files behind that one
+    assert load(written(tmp_path, text)).hash != first
+
+
+def test_a_worker_that_cannot_run_is_named_before_anything_is_written(tmp_path: Path) -> None:
+    """A scheduler and workers of its own in this process, whose versions are not ours."""
+    from unittest import mock
+
+    from distributed import LocalCluster
+
+    from analysis.campaign import engine
+
+    made = load(written(tmp_path, SMALL))
+    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0") as cluster:
+        with (
+            mock.patch.object(engine, "versions", return_value="sumo-adas 9.9"),
+            pytest.raises(
+                SettingsError, match=r"worker .* has python .*, here is sumo-adas 9.9: install the same"
+            ),
+        ):
+            engine.run(made, tmp_path / "out", scheduler=cluster.scheduler_address)
+        cluster.scale(0)
+        cluster.sync(cluster._correct_state)
+        with pytest.raises(SettingsError, match="has no workers"):
+            engine.run(made, tmp_path / "out", scheduler=cluster.scheduler_address)
+    assert not (tmp_path / "out").exists()
+
+
 def test_thresholds_include_both_ends_and_say_what_is_wrong() -> None:
     assert thresholds("0.2:0.5:0.1") == [0.2, 0.3, 0.4, 0.5]
     for text in ("1", "2:1:0.1", "0:1:0.1", "1:2:0", "a:b:c", "0.1:2:0.0001"):

@@ -77,9 +77,6 @@ def test_growth_is_found() -> None:
 def test_sizes_reach_what_objects_hold() -> None:
     from sumo_net.lane_changes import LaneChanges
 
-    class Graph:
-        lanes: dict[str, Any] = {}
-
-    found = sizes(LaneChanges(Graph(), ["a_0"]), "changes")  # type: ignore[arg-type]
+    found = sizes(LaneChanges(None, ["a_0"]), "changes")  # type: ignore[arg-type]
     assert found["changes._lane"] == 256
     assert found["changes._lane_ids"] == 1

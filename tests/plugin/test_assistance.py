@@ -11,7 +11,6 @@ from analysis.fork_server import ForkServer
 from plugin.record import read_table
 from plugin.schema import TABLES
 
-
 _processes = ForkServer()
 
 

@@ -1,4 +1,4 @@
-"""Tables when the process is killed, the disk is full, or nothing can be written: what was written stays whole."""
+"""Tables when the process is killed, the disk is full, or cannot be written: what was written stays whole."""
 
 import errno
 import os
@@ -95,7 +95,9 @@ def fill(directory: Path, form: str) -> None:
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_on_a_full_disk_the_blocks_before_are_whole(tmp_path: Path, form: str) -> None:
-    code = "import plugin.record; from tests.plugin import test_record_faults as t; from pathlib import Path; "
+    code = (
+        "import plugin.record; from tests.plugin import test_record_faults as t; from pathlib import Path; "
+    )
     code += f"plugin.record.TABLES = t.SCHEMA; t.fill(Path({str(tmp_path)!r}), {form!r})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -112,8 +114,9 @@ def test_on_a_full_disk_the_blocks_before_are_whole(tmp_path: Path, form: str) -
 
 
 def test_killed_at_a_random_moment_every_table_reads(tmp_path: Path) -> None:
-    code = "import plugin.record, sys; from tests.plugin import test_record_faults as t; from pathlib import Path\n"
-    code += "plugin.record.TABLES = t.SCHEMA; r = plugin.record.Recorder('r', Path(sys.argv[1]),"
+    code = "import plugin.record, sys; from tests.plugin import test_record_faults as t\n"
+    code += "from pathlib import Path\nplugin.record.TABLES = t.SCHEMA\n"
+    code += "r = plugin.record.Recorder('r', Path(sys.argv[1]),"
     code += " ('csv', 'parquet'), t.SCHEMA)\nfor k in range(10**6):\n"
     code += "    [r.append(name, t.block(k)) for name in t.SCHEMA]\n    print(k, flush=True)"
     process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
