@@ -28,7 +28,7 @@ _SHIFT = 4  # sixteenths of a pixel
 
 def line(picture: Array, points: Array, colour: Colour, width: int = 2, closed: bool = False) -> None:
     """A line through points (P, 2) of column and row; it has a gap where one is not finite."""
-    fits: Array = np.isfinite(points).all(axis=1)
+    fits: Array = np.asarray(np.isfinite(points).all(axis=1))
     fits[fits] = (np.abs(points[fits]) < 4 * max(picture.shape)).all(axis=1)
     edges = np.flatnonzero(np.diff(np.r_[False, fits, False].astype(np.int8)))
     parts = [
