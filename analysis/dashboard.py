@@ -18,8 +18,8 @@ def draw_dashboard(picture: Array, step: "pd.Series[float]") -> None:
     upper, lower = height * 0.32, height * 0.74
     canvas.text(picture, f"{3.6 * step['speed_mps']:.0f}", 98, height * 0.46, 44, anchor="right", bold=True)
     canvas.text(picture, "km/h", 104, height * 0.56, 15, canvas.GREY)
-    _tlc(picture, step, 160, upper, lower, (width - 170) * 0.42)
-    left = 160 + (width - 170) * 0.42 + 46
+    _tlc(picture, step, 160, upper, lower, (width - 170) * 0.36)
+    left = 160 + (width - 170) * 0.36 + 46
     _departure(picture, step, left, upper)
     _collision(picture, step, left, lower)
 
@@ -79,4 +79,4 @@ def _collision(picture: Array, step: "pd.Series[float]", left: float, row: float
     if pd.notna(step["fcw_ttc_s"]) and step["fcw_ttc_s"] < 10.0:
         words += f", TTC {step['fcw_ttc_s']:.1f} s"
     colour = (_RED if state == "danger" else _AMBER) if active else canvas.WHITE
-    canvas.text(picture, words, left + 110, row, 17, colour, bold=active)
+    canvas.text(picture, words, left + 110, row, 15 if active else 17, colour, bold=active)

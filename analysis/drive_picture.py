@@ -24,7 +24,7 @@ Array = np.ndarray[Any, Any]
 WIDTH_PX, HEIGHT_PX = 1280, 720
 _CAMERA = 832, 624
 _SHOWN_AFTER_S = 1.0  # so long a crossing is told after it happened
-_TARGET_M = 1.8, 1.4  # width and height of the frame around the warning's target
+_TARGET_UP_M = 0.8  # so high above the road the pin on the warning's target ends
 
 
 class DrivePictures:
@@ -69,13 +69,15 @@ class DrivePictures:
             return
         tracks = self._tracks.get(round(float(self._drive.time_s[index]), 2), self._none)
         for track in tracks[tracks["track_id"] == step["fcw_track_id"]].itertuples():
-            half, up = _TARGET_M[0] / 2, _TARGET_M[1]
-            left = track.y_m + np.array([half, half, -half, -half])
-            corners = points_in_image(
-                np.full(4, track.x_m), left, np.array([0.0, up, up, 0.0]), self._projection
+            # where the radar has it, often a corner of the body: how large that is it does not know
+            ends = points_in_image(
+                np.full(2, track.x_m), np.full(2, track.y_m), np.array([0.0, _TARGET_UP_M]), self._projection
             )
+            points = place(ends[:, 0], ends[:, 1], picture)
             colour = canvas.VERMILION if str(step["fcw_state"]) == "danger" else canvas.GREEN
-            canvas.line(picture, place(corners[:, 0], corners[:, 1], picture), colour, 2, closed=True)
+            canvas.line(picture, points, colour, 3)
+            canvas.dot(picture, *points[1].tolist(), 9, colour)
+            canvas.dot(picture, *points[1].tolist(), 9, canvas.WHITE, 2)
 
     def _titles(self, picture: Array, index: int, step: Any) -> None:
         drive, now = self._drive, float(self._drive.time_s[index])
