@@ -76,8 +76,9 @@ class DrivePictures:
             points = place(ends[:, 0], ends[:, 1], picture)
             colour = canvas.VERMILION if str(step["fcw_state"]) == "danger" else canvas.GREEN
             canvas.line(picture, points, colour, 3)
-            canvas.dot(picture, *points[1].tolist(), 9, colour)
-            canvas.dot(picture, *points[1].tolist(), 9, canvas.WHITE, 2)
+            column, row = points[1].tolist()
+            canvas.dot(picture, column, row, 9, colour)
+            canvas.dot(picture, column, row, 9, canvas.WHITE, 2)
 
     def _titles(self, picture: Array, index: int, step: Any) -> None:
         drive, now = self._drive, float(self._drive.time_s[index])
