@@ -93,7 +93,7 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     run = given.run
     if run is None:
-        run = simulate("highway", given.out / "run", seed=2, duration_s=120.0, fraction=0.08)
+        run = simulate("highway", given.out / "run", seed=2, duration_s=120.0, fraction=0.11)
     begin = time.process_time()
     page = write_report(run, given.out / "report.html")
     took = time.process_time() - begin

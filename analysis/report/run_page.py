@@ -16,7 +16,7 @@ from analysis.report.cards import Card, Grid, Page, card, grid_of
 from analysis.report.outline import outline
 from analysis.report.reading import RunTables, read_run
 from analysis.report.scene import scene
-from analysis.report.viewer import PICTURES_BYTES, viewer_data
+from analysis.report.viewer import DRIVES_BYTES, viewer_data
 from analysis.statistics import clustered_share, per_100_km, poisson_interval
 from plugin.truth import HORIZONS_S
 from sumo_net.settings import SettingsError
@@ -164,7 +164,7 @@ def _drives(run: RunTables, vehicles: Sequence[str], tell: Callable[[str], None]
             tell(f"the run is repeated for the camera frames of {', '.join(missing)} (--no-frames: without)")
             run.notes.extend(replay(run.directory, missing))
         for name in names:
-            found.append(viewer_data(load_drive(run.directory, name), PICTURES_BYTES // len(names)))
+            found.append(viewer_data(load_drive(run.directory, name), DRIVES_BYTES // len(names)))
     except (DriveError, SettingsError, TrafficError, OSError, KeyError, ValueError) as error:
         if vehicles and isinstance(error, DriveError):
             raise

@@ -11,7 +11,7 @@ from analysis.report.reading import RunTables, json_ready
 
 Array = np.ndarray[Any, Any]
 
-MOST_ROWS = 60_000  # of steps on the page; of larger runs the vehicles with most events are shown
+MOST_ROWS = 40_000  # of steps on the page; of larger runs the vehicles with most events are shown
 PATH_EVERY = 5  # steps between points of a path on the map
 MOST_PATH_POINTS = 40_000
 _COLUMNS = {  # name on the page: (column, decimals)

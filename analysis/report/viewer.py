@@ -1,6 +1,7 @@
 """What the drive viewer draws: pictures at a rate that fits the page, and the numbers drawn over them."""
 
 import base64
+import json
 from typing import Any
 
 import cv2
@@ -10,28 +11,30 @@ from analysis.camera_view import path_in_image
 from analysis.drive import Drive
 from analysis.report.reading import json_ready
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, projection
+from plugin.tracking.classification import NAMES
 
 Array = np.ndarray[Any, Any]
 
-PICTURES_BYTES = 6_000_000  # of all drives on a page, before base64
+DRIVES_BYTES = 6_500_000  # of all drives on a page: with Plotly and the timelines it stays under 15 MB
 JPEG_QUALITY = 50
 _RATES = (1, 2, 3, 4, 5, 10, 20)  # every so many steps a picture
 _BORDER_POINTS, _ROAD_POINTS, _PATH_POINTS = 16, 12, 10
 _AHEAD_M = 160.0
 
 
-def viewer_data(drive: Drive, most_bytes: int = PICTURES_BYTES) -> dict[str, Any]:
+def viewer_data(drive: Drive, most_bytes: int = DRIVES_BYTES) -> dict[str, Any]:
     """The drive as the page's script takes it; at least every 20th step, however small `most_bytes`."""
-    every = _every(drive.frames, most_bytes)
+    tracks = {float(time): rows for time, rows in drive.tracks.groupby(drive.tracks["time_s"].round(2))}  # type: ignore[arg-type]
+    every = _every(drive, tracks, most_bytes)
     shown = range(0, len(drive.time_s), every)
-    by_time = dict(tuple(drive.tracks.groupby(drive.tracks["time_s"].round(2))))
     return {
         "vehicle": drive.vehicle_id,
         "every": every,
         "start": _start(drive),
         "width": WIDTH_PX,
         "height": HEIGHT_PX,
-        "steps": [_step(drive, i, by_time.get(round(float(drive.time_s[i]), 2))) for i in shown],
+        "classes": list(NAMES),
+        "steps": [_step(drive, i, tracks) for i in shown],
         "notes": [f"A picture every {every / 10:g} s", *drive.notes],
     }
 
@@ -46,14 +49,12 @@ def _start(drive: Drive) -> float:
     return round(float(drive.time_s[0]), 2)
 
 
-def _every(frames: Array, most_bytes: int) -> int:
-    """The least reduction with which the pictures fit."""
-    sample = frames[np.linspace(0, len(frames) - 1, min(len(frames), 12)).astype(int)]
-    mean = sum(len(_jpeg(frame)) for frame in sample) / max(len(sample), 1)
-    for every in _RATES:
-        if mean * len(frames) / every <= most_bytes:
-            return every
-    return _RATES[-1]
+def _every(drive: Drive, tracks: dict[float, Any], most_bytes: int) -> int:
+    """The least reduction with which the steps fit, by what some of them take."""
+    count = len(drive.time_s)
+    sample = np.unique(np.linspace(0, count - 1, min(count, 12)).astype(int)).tolist()
+    mean = sum(len(json.dumps(_step(drive, i, tracks), separators=(",", ":"))) for i in sample) / len(sample)
+    return next((every for every in _RATES if mean * count / every <= most_bytes), _RATES[-1])
 
 
 def _jpeg(frame: Array) -> bytes:
@@ -61,8 +62,9 @@ def _jpeg(frame: Array) -> bytes:
     return data.tobytes()
 
 
-def _step(drive: Drive, i: int, tracks: Any) -> dict[str, Any]:
+def _step(drive: Drive, i: int, tracks: dict[float, Any]) -> dict[str, Any]:
     row = drive.steps.iloc[i]
+    seen = tracks.get(round(float(drive.time_s[i]), 2))
     return {
         "time": round(float(drive.time_s[i]), 2),
         "picture": base64.b64encode(_jpeg(drive.frames[i])).decode(),
@@ -71,7 +73,7 @@ def _step(drive: Drive, i: int, tracks: Any) -> dict[str, Any]:
         "ground": _points(drive.path_m[i], _PATH_POINTS),
         "road": _road(drive, i),
         "bodies": [_rounded(body, (1, 1, 2, 1, 1)) for body in drive.bodies_m[i] if np.isfinite(body).all()],
-        "tracks": [] if tracks is None else [_track(one) for one in tracks.itertuples()],
+        "tracks": [] if seen is None else [_track(one) for one in seen.itertuples()],
         "speed": _number(row["speed_mps"], 1),
         "offset": _number(row["lateral_offset_m"], 2),
         "tlc": _number(row["tlc_s"], 2),
@@ -117,17 +119,17 @@ def _road(drive: Drive, i: int) -> list[list[Any]]:
     return found
 
 
-def _track(track: Any) -> dict[str, Any]:
-    return {
-        "id": int(track.track_id),
-        "x": _number(track.x_m, 1),
-        "y": _number(track.y_m, 1),
-        "vx": _number(track.vx_mps, 1),
-        "class": _text(track.motion_state),
-        "inPath": bool(track.in_path) if json_ready(track.in_path) is not None else False,
-        "measured": bool(track.measured) if json_ready(track.measured) is not None else False,
-        "ttc": _number(track.ttc_s, 1),
-    }
+def _track(track: Any) -> list[float | int | None]:
+    """x, y, class, in path, measured, time to collision."""
+    state = _text(track.motion_state)
+    return [
+        _number(track.x_m, 1),
+        _number(track.y_m, 1),
+        NAMES.index(state) if state in NAMES else 0,
+        int(bool(json_ready(track.in_path))),
+        int(bool(json_ready(track.measured))),
+        _number(track.ttc_s, 1),
+    ]
 
 
 def _rounded(values: Array, decimals: tuple[int, ...]) -> list[float]:

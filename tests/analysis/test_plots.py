@@ -18,6 +18,8 @@ from analysis.published.adaptive import TOLD
 from analysis.report.reading import ReportError, read_run
 from tests.analysis.report_tables import HOSTILE, write_campaign, write_recording, write_run
 
+ON_PAGES = {name for name, one in plots.PLOTS.items() if one.source != "published"} - {"map", "timeline"}
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
@@ -65,12 +67,15 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 @pytest.mark.parametrize("name", plots.PLOTS)
 def test_every_figure_has_something_in_it(name: str, made: dict[str, Path], tmp_path: Path) -> None:
     figure = plots.draw(made[plots.PLOTS[name].source], name)
+    assert all(axes.has_data() or not axes.axison for axes in figure.axes)
+    assert any(axes.has_data() for axes in figure.axes)
+    if name in ON_PAGES:  # test_report_browser looks at these
+        return
     path = plots.write(figure, tmp_path / f"{name}.png")
     picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     assert picture is not None
     assert min(picture.shape) > 300
-    assert 0.005 < float((picture < 200).mean()) < 0.9
-    assert all(axes.has_data() or not axes.axison for axes in figure.axes)
+    assert 0.005 < float((picture < 200).mean()) < 0.6
 
 
 def test_prediction_error_draws_the_metrics_numbers(made: dict[str, Path]) -> None:

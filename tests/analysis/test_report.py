@@ -50,10 +50,13 @@ class Elements(html.parser.HTMLParser):
         self._open = ""
 
 
-@pytest.fixture
-def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For pages whose figures are not what is tested: they take the most time."""
-    monkeypatch.setattr("analysis.report.run_page._cards", lambda run: [])
+@pytest.fixture(autouse=True)
+def _pictures_in_no_time(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made but not drawn, which takes the most time; test_plots and the browser look at them."""
+    if request.node.name != "test_run_page_shows_its_figures":
+        monkeypatch.setattr(
+            "analysis.report.cards.save", lambda figure, target, kind: target.write(b"<svg/>")
+        )
 
 
 def page_of(directory: Path) -> str:
@@ -73,7 +76,6 @@ def test_run_page_shows_its_figures(tmp_path: Path) -> None:
     assert len(first["columns"]["offset"]) == STEPS
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_hostile_texts_become_no_markup(tmp_path: Path) -> None:
     run = run_page(write_run(tmp_path, HOSTILE), frames=False)
     run.title = run.notes[0] = HOSTILE[0]
@@ -96,7 +98,6 @@ def test_json_in_a_script_is_harmless_and_exact(text: str) -> None:
     assert json.loads(written) == {"id": text, "none": None}
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_policy_lets_only_the_pages_own_scripts_run(tmp_path: Path) -> None:
     text = page_of(write_run(tmp_path))
     policy = next(a["content"] for _, a in Elements(text).tags if a.get("http-equiv"))
@@ -111,7 +112,6 @@ def test_policy_lets_only_the_pages_own_scripts_run(tmp_path: Path) -> None:
     ]
 
 
-@pytest.mark.usefixtures("no_pictures")
 @pytest.mark.parametrize("table", TABLES)
 def test_missing_table_is_said_and_the_rest_shown(tmp_path: Path, table: str) -> None:
     (write_run(tmp_path) / f"{table}.csv").unlink()
@@ -134,7 +134,6 @@ def test_older_schema_is_said_and_the_rest_shown(tmp_path: Path, parity: int) ->
     assert "Timeline of a vehicle" in text
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_interrupted_run_keeps_what_is_whole(tmp_path: Path) -> None:
     write_run(tmp_path)
     steps = tmp_path / "steps.csv"
@@ -178,7 +177,6 @@ def test_text_in_a_number_column_spoils_that_column_alone(tmp_path: Path) -> Non
     assert run["departures"]["crossing_s"].tolist() == [14.0] * 3
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_nobody_equipped(tmp_path: Path) -> None:
     text = page_of(write_run(tmp_path, ()))
     assert "No equipped vehicle drove" in text
@@ -247,9 +245,10 @@ def test_pictures_are_thinned_out_to_fit() -> None:
     whole = viewer_data(drive)
     assert whole["every"] == 1
     assert len(whole["steps"]) == 40
-    size = sum(len(step["picture"]) for step in whole["steps"]) * 3 // 4
+    size = len(json.dumps(whole["steps"], separators=(",", ":")))
     thin = viewer_data(drive, size // 3)
     assert thin["every"] in (3, 4)
+    assert whole["steps"][0]["tracks"] == [[60.0, 0.0, whole["classes"].index("same_direction"), 1, 1, None]]
     assert [step["time"] for step in thin["steps"]] == [step["time"] for step in whole["steps"]][
         :: thin["every"]
     ]
@@ -292,7 +291,6 @@ def test_share_with_interval_over_vehicles() -> None:
     assert np.isnan(clustered_share(rows.iloc[:0], "hit")[0])
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_prediction_table_is_that_of_the_metrics(tmp_path: Path) -> None:
     run = read_run(write_run(tmp_path))
     table = prediction_errors(run["predictions"]).set_index("horizon_s")

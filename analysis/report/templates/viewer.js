@@ -152,10 +152,11 @@
     line(above, [[0, 0], ...step.ground].map(([x, y]) => frame.place(x, y)), "#B8860B", 3, [8, 5]);
     let target = null;
     for (const track of step.tracks) {
-      if (track.x === null || track.y === null) continue;
-      const [x, y] = frame.place(track.x, track.y);
-      mark(above, x, y, 6, classes[track.class] || classes.unclassified, track.measured);
-      if (track.inPath && (!target || track.x < target.x)) target = track;
+      const [ahead, left, state, inPath, measured, ttc] = track;
+      if (ahead === null || left === null) continue;
+      const [x, y] = frame.place(ahead, left);
+      mark(above, x, y, 6, classes[drive.classes[state]] || classes.unclassified, measured);
+      if (inPath && (!target || ahead < target.x)) target = { x: ahead, y: left, ttc };
     }
     if (target) {
       const [x, y] = frame.place(target.x, target.y);
