@@ -15,6 +15,7 @@ KERNELS = {
     "lane": [refine_kernels.step_kernel, refine_kernels.columns_kernel, refine_kernels.parabola_kernel],
     "picture": [render_kernels.render_fleet, genetic_kernels.search_kernel],
     "radar": [
+        visibility_kernels.gather,
         visibility_kernels.look,
         degrade_kernels.measure,
         polar_kernels.predict,
