@@ -52,7 +52,9 @@ def trials_of(protocol: Protocol) -> list[Trial]:
     """All trials of a protocol, first attempts, in the order of its file."""
     trials = []
     for test in (*protocol.departure, *protocol.quiet, *protocol.collision):
-        sides = [1 if side == "left" else -1 for side in test.sides] if _leaves(test) else [0]
+        sides = (
+            [1 if side == "left" else -1 for side in test.sides] if isinstance(test, DepartureTest) else [0]
+        )
         rates = test.drift_mps if isinstance(test, DepartureTest) else (0.0,)
         for radius, side, rate in itertools.product(test.radius_m, sides, rates):
             cell = test.name
@@ -92,10 +94,6 @@ def start_gap_m(test: DepartureTest, drift_mps: float) -> float:
     """Tyre to border when a departure begins: it has its rate `run_up_s` before the earliest line."""
     wanted = test.earliest_at(drift_mps) + drift_mps * (0.5 * test.ramp_s + test.run_up_s)
     return min(wanted, free_m() - _FREE_M)
-
-
-def _leaves(test: Procedure) -> bool:
-    return isinstance(test, DepartureTest)
 
 
 def _line(test: Procedure) -> str:
@@ -140,7 +138,11 @@ def _manoeuvre_s(trial: Trial) -> float:
 
 
 def _duration_s(trial: Trial) -> float:
-    return trial.test.settle_s + _manoeuvre_s(trial) + (0.0 if not _leaves(trial.test) else _AFTER_S)
+    return (
+        trial.test.settle_s
+        + _manoeuvre_s(trial)
+        + (_AFTER_S if isinstance(trial.test, DepartureTest) else 0.0)
+    )
 
 
 def _needs_m(trial: Trial) -> float:
