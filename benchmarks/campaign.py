@@ -2,13 +2,15 @@
 
     python benchmarks/campaign.py scaling [--runs 6] [--duration 60]
     python benchmarks/campaign.py many [--runs 1000] [--duration 1] [--workers 2]
+    python benchmarks/campaign.py engine [--runs 3000] [--workers 2]
     python benchmarks/campaign.py start [--runs 8]
     python benchmarks/campaign.py kill [--kills 20] [--runs 12]
 
 `scaling` prints the clock's gain and, for a machine that others use too, the two things that it consists of:
 the processor time of the runs with one and with two workers, and how much of the workers' time was spent in
 runs. `many` follows the resident memory of the client (which has the scheduler and the workers of a local
-campaign in it) and of the server that the runs are forked from. `start` times runs of 0.1 s in fresh
+campaign in it) and of the server that the runs are forked from. `engine` does the same with runs that do
+nothing: what is left is the engine, its processor time and its memory. `start` times runs of 0.1 s in fresh
 processes and in forks.
 `kill` sends SIGKILL to the whole campaign (client, workers, runs) at random moments, resumes it with the same
 command, and at the end compares every CSV of the report with that of a campaign that nobody disturbed.
@@ -16,6 +18,7 @@ command, and at the end compares every CSV of the report with that of a campaign
 
 import argparse
 import csv
+import json
 import os
 import random
 import signal
@@ -27,6 +30,8 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # the forks know this module as benchmarks.campaign
 
 COMMAND = [sys.executable, "-c", "from analysis.cli import main; main()", "batch"]
 FILE = """title = "Benchmark"
@@ -137,6 +142,44 @@ def many(work: Path, runs: int, duration_s: float, workers: int) -> None:
     print(f"{runs} runs in {seconds:.0f} s, {cpu / runs:.2f} core seconds each, client {own:.1f} s")
 
 
+def nothing(order: dict[str, Any], place: Path) -> None:
+    """In the place of a run: its result, without simulating."""
+    place.mkdir()
+    counts = {"runs": 1, "distance_mm": order["seed"], "vehicle_steps": 1, "vehicles": 1}
+    summary = {"key": order["key"], "cell": order["cell"], "seed": order["seed"], "counts": counts}
+    (place / "summary.json").write_text(json.dumps(summary))
+
+
+def engine_alone(work: Path, runs: int, workers: int) -> None:
+    """The engine without runs: planning, scheduling, forking, moving in."""
+    from analysis.campaign import engine
+    from benchmarks.campaign import nothing as known_by_the_forks
+
+    engine.one_run = known_by_the_forks
+    server: list[float] = []
+
+    class WithServer(Watch):
+        def __call__(self, progress: Any) -> None:
+            super().__call__(progress)
+            if progress.last is not None and len(self.done) == runs:
+                times = psutil.Process(engine._server.pid).cpu_times()
+                server.append(times.user + times.system)
+
+    file, watch = work / "campaign.toml", WithServer(every=max(runs // 10, 1))
+    file.write_text(FILE.format(scenario="straight", runs=runs, duration=1.0, fraction=0.02))
+    from analysis.campaign import load
+
+    load(file)  # imports
+    before = time.process_time()
+    seconds = watched(file, work / "out", workers, watch)
+    own = (time.process_time() - before) / runs
+    forks = sum(done.cpu_s for done in watch.done) / runs
+    print(
+        f"{runs} runs in {seconds:.0f} s; a run costs {1e3 * own:.1f} ms of processor time in client, "
+        f"scheduler and worker, {1e3 * forks:.1f} ms in its fork; the server took {server[0]:.1f} s in all"
+    )
+
+
 def start_up(work: Path, runs: int) -> None:
     """Runs of 0.1 s: in fresh processes, and in forks of one that has everything loaded."""
     from analysis.fork_server import ForkServer
@@ -188,7 +231,7 @@ def kill(work: Path, kills: int, runs: int) -> None:
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=("scaling", "many", "start", "kill"))
+    parser.add_argument("what", choices=("scaling", "many", "engine", "start", "kill"))
     parser.add_argument("--runs", type=int)
     parser.add_argument("--duration", type=float)
     parser.add_argument("--workers", type=int, default=2)
@@ -199,6 +242,8 @@ def main() -> None:
             scaling(Path(folder), options.runs or 6, options.duration or 60.0)
         elif options.what == "many":
             many(Path(folder), options.runs or 1000, options.duration or 1.0, options.workers)
+        elif options.what == "engine":
+            engine_alone(Path(folder), options.runs or 3000, options.workers)
         elif options.what == "start":
             start_up(Path(folder), options.runs or 8)
         else:

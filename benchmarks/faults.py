@@ -92,7 +92,7 @@ def main() -> None:
     options = parser.parse_args()
     from benchmarks.faults import noted_run as run
 
-    draw, bad, with_rows = random.Random(1), 0, 0
+    draw, bad, with_rows, killed = random.Random(1), 0, 0, 0
     words = (options.scenario, options.duration, options.equip)
     with tempfile.TemporaryDirectory() as folder, ForkServer() as server, ThreadPoolExecutor(1) as pool:
         work = Path(folder)
@@ -114,10 +114,13 @@ def main() -> None:
             last = flushes[-1] if flushes else 0
             faults = judge(out, whole, last)
             with_rows += last > 0 and ended_by > 0
+            killed += ended_by > 0
             bad += bool(faults)
             kill = f"killed after the flush at {last / 10:.0f} s" if ended_by else "had ended"
             print(f"kill {k + 1} ({form}): {kill}: {'; '.join(faults) or 'nothing lost'}", flush=True)
-    print(f"{options.kills} kills, {with_rows} of them after a flush: {bad} with something lost")
+    print(
+        f"{options.kills} rounds, {killed} killed, {with_rows} of them after a flush: {bad} with something lost"
+    )
     raise SystemExit(1 if bad else 0)
 
 

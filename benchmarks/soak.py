@@ -3,10 +3,10 @@
     python benchmarks/soak.py [--duration 3600] [--equip 0.2] [--out out/soak]
 
 Every 30 s simulated a row goes to OUT/soak.csv (so an interrupted soak leaves what it has): resident
-memory, vehicles, processor time, and the entries in the containers of the assistance and the traffic. At the end, or
-at Ctrl-C: the slope of memory over the second half, and every container that grew throughout it. Exit status 1
-where memory rises by more than 2 MB an hour beyond twice its standard error, or is above 1 GB, or a container
-grew that is not in KNOWN.
+memory, vehicles, processor time, and the entries in the containers of the assistance and the traffic. At the
+end, or at Ctrl-C: the slope of memory over the second half, and every container that grew throughout it. Exit
+status 1 where memory rises by more than 2 MB an hour beyond twice its standard error, or is above 1 GB, or a
+container grew that is not in KNOWN.
 """
 
 import argparse

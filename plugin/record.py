@@ -139,8 +139,10 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
 
 
 def _read_csv(csv: Path, schema: pa.Schema) -> pa.Table:
-    with pa.memory_map(str(csv)) if csv.stat().st_size else io.BytesIO() as file:
-        rows = file.read_buffer() if csv.stat().st_size else pa.py_buffer(b"")
+    if not csv.stat().st_size:
+        return schema.empty_table()
+    with pa.memory_map(str(csv)) as file:
+        rows = file.read_buffer()
         whole = len(rows)
         while whole and rows[whole - 1] != ord("\n"):  # killed, or the disk was full, within a row
             whole -= 1

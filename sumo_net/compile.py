@@ -38,7 +38,7 @@ def kernel(function: _F) -> _F:
     return compiled
 
 
-class _Cache(FunctionCache):  # type: ignore[misc]
+class _Cache(FunctionCache):
     """numba's cache; a file that is cut short or garbled, or a full disk, is no exception."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
