@@ -42,7 +42,8 @@ def kind_of(directory: Path) -> Kind:
     if (directory / "plan.json").is_file() or (directory / "campaign.json").is_file():
         return "campaign"
     for table in ("steps", "runs", "predictions", "warnings"):
-        if any((directory / f"{table}.{end}").is_file() for end in ("csv", "parquet", "parquet.part")):
+        ends = ("csv", "parquet", "parquet.parts", "parquet.part")  # the last: of an older version
+        if any((directory / f"{table}.{end}").exists() for end in ends):
             return "run"
     if (directory / "lanes.csv").is_file() or (directory / "tracks.csv").is_file():
         return "recording"

@@ -24,7 +24,7 @@ _AHEAD_M = 160.0
 
 def viewer_data(drive: Drive, most_bytes: int = DRIVES_BYTES) -> dict[str, Any]:
     """The drive as the page's script takes it; at least every 20th step, however small `most_bytes`."""
-    tracks = {float(time): rows for time, rows in drive.tracks.groupby(drive.tracks["time_s"].round(2))}  # type: ignore[arg-type]
+    tracks = {float(time): rows for time, rows in drive.tracks.groupby(drive.tracks["time_s"].round(2))}
     every = _every(drive, tracks, most_bytes)
     shown = range(0, len(drive.time_s), every)
     return {

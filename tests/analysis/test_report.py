@@ -17,6 +17,7 @@ from analysis.report.run_page import run_page
 from analysis.report.scene import scene
 from analysis.report.viewer import viewer_data
 from analysis.statistics import clustered_share
+from plugin.record import Recorder
 from plugin.schema import TABLES
 from tests.analysis.report_tables import (
     HOSTILE,
@@ -151,6 +152,19 @@ def test_interrupted_run_keeps_what_is_whole(tmp_path: Path) -> None:
     ):
         assert note in text
     assert len(read_run(tmp_path)["steps"]) == 3 * STEPS - 1
+
+
+def test_killed_parquet_run_keeps_its_parts(tmp_path: Path) -> None:
+    write_run(tmp_path / "whole", formats=("parquet",))
+    steps = pd.read_parquet(tmp_path / "whole" / "steps.parquet")
+    recorder = Recorder("made-1", tmp_path / "killed", ("parquet",))
+    rows = steps.head(50).drop(columns="run_id").dropna(axis=1)
+    recorder.append("steps", {name: rows[name].tolist() for name in rows})
+    assert kind_of(tmp_path / "killed") == "run"  # and the recorder is never closed
+    run = read_run(tmp_path / "killed")
+    assert len(run["steps"]) == 50
+    assert any("interrupted" in note for note in run.notes)
+    assert "The run was interrupted" in page_of(tmp_path / "killed")
 
 
 def test_damaged_files_are_said(tmp_path: Path) -> None:
