@@ -73,7 +73,9 @@ def _vehicle(name: str, rows: pd.DataFrame, run: RunTables) -> dict[str, Any]:
     columns: dict[str, Any] = {"time": _numbers(rows["time_s"], 1)}
     for key, (column, decimals) in _COLUMNS.items():
         columns[key] = _numbers(rows[column], decimals)
-    gap = (rows["time_s"].diff() > STEP_GAP_S) | (rows["true_lateral_offset_m"].diff().abs() > JUMP_M)
+    gap = rows["time_s"].diff() > STEP_GAP_S
+    for column in ("true_lateral_offset_m", "lateral_offset_m"):
+        gap |= rows[column].diff().abs() > JUMP_M
     warnings = run["warnings"][run["warnings"]["vehicle_id"] == name]
     departures = run["departures"][run["departures"]["vehicle_id"] == name]
     last = float(rows["time_s"].iloc[-1])

@@ -18,7 +18,7 @@ Array = np.ndarray[Any, Any]
 DRIVES_BYTES = 6_500_000  # of all drives on a page: with Plotly and the timelines it stays under 15 MB
 JPEG_QUALITY = 50
 _RATES = (1, 2, 3, 4, 5, 10, 20)  # every so many steps a picture
-_BORDER_POINTS, _ROAD_POINTS, _PATH_POINTS = 16, 12, 10
+_BORDER_POINTS, _ROAD_POINTS, _PATH_POINTS = 30, 12, 10
 _AHEAD_M = 160.0
 
 
