@@ -76,8 +76,8 @@ class FirstOnes:
         return light[: max(self._fleet - self._driving(), 0)]
 
 
-def watch(clock: Stopwatch) -> None:
-    """Put the stopwatch around the stages of the assistance."""
+def functions() -> tuple[tuple[Any, str, str], ...]:
+    """What the stopwatch is put around: owner, name of the function, stage."""
     from plugin import assistance, ranging, vision
     from plugin.lane import genetic, refine
     from plugin.motion import observer, prediction
@@ -91,7 +91,7 @@ def watch(clock: Stopwatch) -> None:
     from sumo_net.lane_changes import LaneChanges
     from sumo_net.traffic import Traffic
 
-    for owner, attribute, name in (
+    return (
         (assistance, "road_ahead", "road ahead"),
         (assistance, "objects_around", "road ahead"),
         (vision.Vision, "draw", "render"),
@@ -104,7 +104,6 @@ def watch(clock: Stopwatch) -> None:
         (refine, "border_columns", "judge"),
         (refine, "parabolas", "tables"),
         (OwnSensors, "step", "observe"),
-        (observer, "turn", "observe"),
         (observer, "step", "observe"),
         (departure, "step", "warn"),
         (ranging.Ranging, "step", "radar"),
@@ -125,7 +124,15 @@ def watch(clock: Stopwatch) -> None:
         (Traffic, "snapshot", "read state"),
         (IncidentMaker, "step", "SUMO"),
         (Traffic, "step", "SUMO"),
-    ):
+    )
+
+
+def watch(clock: Stopwatch) -> None:
+    """Put the stopwatch around the stages of the assistance."""
+    from plugin import assistance
+    from plugin.motion import observer, prediction
+
+    for owner, attribute, name in functions():
         clock.time(owner, attribute, name)
     # The prediction from the estimate is part of the chain; the one from the true state is for the tables.
     seen: list[Any] = [None, None]
