@@ -119,7 +119,8 @@ def main() -> None:
             kill = f"killed after the flush at {last / 10:.0f} s" if ended_by else "had ended"
             print(f"kill {k + 1} ({form}): {kill}: {'; '.join(faults) or 'nothing lost'}", flush=True)
     print(
-        f"{options.kills} rounds, {killed} killed, {with_rows} of them after a flush: {bad} with something lost"
+        f"{options.kills} rounds, {killed} killed, "
+        f"{with_rows} of them after a flush: {bad} with something lost"
     )
     raise SystemExit(1 if bad else 0)
 
