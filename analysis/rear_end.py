@@ -23,7 +23,8 @@ def conflict_counts(conflicts: pd.DataFrame, warnings: pd.DataFrame, km: float) 
     Due is a warning of a conflict with a true time to collision under 2 s, whose leader had been in path and
     in view for a second by then.
     """
-    due = conflicts[conflicts["critical_s"].notna() & (conflicts["visible_s"] >= VISIBLE_S)]
+    known = conflicts[conflicts["warned"].notna()]  # empty in tables of an older schema
+    due = known[known["critical_s"].notna() & (known["visible_s"] >= VISIBLE_S)]
     figures: dict[str, float] = {
         "conflicts": len(conflicts),
         "conflicts_critical": int(conflicts["critical_s"].notna().sum()),

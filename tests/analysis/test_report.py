@@ -135,6 +135,14 @@ def test_older_schema_is_said_and_the_rest_shown(tmp_path: Path, parity: int) ->
     assert "Timeline of a vehicle" in text
 
 
+def test_conflicts_of_which_no_warning_is_known_are_not_due(tmp_path: Path) -> None:
+    path = write_run(tmp_path) / "conflicts.csv"
+    pd.read_csv(path).drop(columns="warned").to_csv(path, index=False)
+    text = page_of(tmp_path)
+    assert "Table conflicts is of another version: it has no column warned" in text
+    assert "none due" in text
+
+
 def test_interrupted_run_keeps_what_is_whole(tmp_path: Path) -> None:
     write_run(tmp_path)
     steps = tmp_path / "steps.csv"
