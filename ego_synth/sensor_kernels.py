@@ -56,8 +56,8 @@ def rounded(value, resolution):  # type: ignore[no-untyped-def]
 def read(c, state, speed, acceleration, yaw_rate, steer, out):  # type: ignore[no-untyped-def]
     """One reading of n vehicles into `out` (Readings); `state` (SensorState) is the caller's own."""
     for i in range(speed.size):
-        key, at = state.key[i], _DRAWS * state.count[i]
-        state.count[i] += 1
+        key, at = state.key[i], _DRAWS * state.reading[i]
+        state.reading[i] += 1
         state.yaw_rate_offset_rps[i] += c.yaw_rate_walk * normal(key, at)
         state.steering_offset_rad[i] += c.steering_walk * normal(key, at + 1)
         turning = yaw_rate[i] + state.yaw_rate_offset_rps[i] + c.yaw_rate_noise * normal(key, at + 2)

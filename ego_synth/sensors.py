@@ -74,7 +74,7 @@ class SensorState(NamedTuple):
     """What n vehicles' sensors carry from step to step, (n,) each."""
 
     key: Array  # uint64
-    count: Array  # int64, number of the reading
+    reading: Array  # int64, its number
     yaw_rate_offset_rps: Array
     steering_offset_rad: Array
     steering_scale: Array  # 1 for none
