@@ -96,7 +96,9 @@ class Traffic:
                 raise
             except Exception as error:
                 why = cause(words(), str(error))
-                hint = " (on a machine without a screen: xvfb-run -a sumo-adas ...)" if "display" in why else ""
+                hint = (
+                    " (on a machine without a screen: xvfb-run -a sumo-adas ...)" if "display" in why else ""
+                )
                 raise TrafficError(f"SUMO did not start: {why}{hint}") from None
             try:
                 traffic = cls(simulation, owned=True)
