@@ -1,0 +1,10 @@
+"""The reference of commands in docs/ is that of the commands."""
+
+from pathlib import Path
+
+from analysis.command_reference import reference
+
+
+def test_reference_is_current() -> None:
+    written = Path(__file__).parents[2] / "docs" / "commands.md"
+    assert written.read_text(encoding="utf-8") == reference()
