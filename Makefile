@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test browser library protocols lint format evaluate bench soak faults clean
+.PHONY: demo test browser library protocols lint format evaluate bench soak faults docs pictures reference wheel-test clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/sumo-adas run highway --out out/demo --seed 1
@@ -50,6 +50,22 @@ soak: $(VENV)/.runtime
 faults: $(VENV)/.dev
 	$(BIN)/python benchmarks/faults.py --kills 50
 
+# The site, in out/site; nothing is fetched. Read it with: python -m http.server -d out/site
+docs: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
+# The pages that are made from the code; tests compare them.
+reference: $(VENV)/.runtime
+	$(BIN)/python -m analysis.table_reference > docs/tables.md
+	$(BIN)/python -m analysis.settings_reference > docs/settings.md
+	$(BIN)/python -m analysis.command_reference > docs/commands.md
+
+pictures: $(VENV)/.runtime
+	$(BIN)/python docs/site/pictures.py
+
+wheel-test: $(VENV)/.dev
+	.ci/wheel $(PYTHON)
+
 clean:
 	rm -rf out build dist *.egg-info
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
@@ -69,4 +85,8 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/.made
 
 $(VENV)/.bench: pyproject.toml constraints.txt | $(VENV)/.made
 	$(PIP) install --quiet --constraint constraints.txt --editable '.[bench]'
+	touch $@ $(VENV)/.runtime
+
+$(VENV)/.docs: pyproject.toml constraints.txt | $(VENV)/.made
+	$(PIP) install --quiet --constraint constraints.txt --editable '.[docs]'
 	touch $@ $(VENV)/.runtime

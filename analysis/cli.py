@@ -42,11 +42,11 @@ def about(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the versions and leave.")] = False,
 ) -> None:
-    """Lane-departure warning for whole fleets in SUMO: runs, recorded footage, evaluation."""
+    """Lane-departure and rear-end warning for whole fleets in SUMO: runs, recordings, campaigns, pictures."""
     if version:
         from plugin.configuration import versions
 
-        typer.echo(versions())
+        typer.echo(versions().replace("; ", "\n"))
     elif context.invoked_subcommand is None:
         typer.echo(context.get_help())
 

@@ -161,7 +161,7 @@ def read_configuration(directory: Path) -> RunSettings:
 def versions() -> str:
     """The versions that a result may depend on."""
     parts = [f"python {platform.python_version()}"]
-    for name in ("sumo-adas", "libsumo", "numpy", "numba"):
+    for name in ("sumo-adas", "libsumo", "numpy", "numba", "opencv-python-headless"):
         with contextlib.suppress(metadata.PackageNotFoundError):
             parts.append(f"{name} {metadata.version(name)}")
     return "; ".join(parts)  # no comma: the table stays without quotation marks

@@ -196,7 +196,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("seed", "of equipment, drivers and sensors (and of SUMO, where it was started here)", "int"),
         _text("mode", "paper or refined"),
         _text("configuration_hash", "SHA-256 of all settings"),
-        _text("versions", "of this project, SUMO, Python, NumPy and Numba"),
+        _text("versions", "of this project, SUMO, Python, NumPy, Numba and OpenCV"),
         Column("begin_s", "SUMO time of the first recorded step", decimals=2),
         Column("end_s", "of the last one", decimals=2),
         Column("vehicles", "equipped vehicles that were on the road", "int"),

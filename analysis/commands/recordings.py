@@ -9,16 +9,6 @@ import typer
 from analysis.commands.common import Mode, Out, plain_errors, told_where
 
 
-class Filter(enum.StrEnum):
-    """The radar tracker's filters."""
-
-    IMM = "imm"
-    ADAPTIVE = "adaptive"
-    PATENT = "patent"
-    CV = "cv"
-    CA = "ca"
-
-
 class LogFormat(enum.StrEnum):
     """Radar logs that can be read."""
 
@@ -75,7 +65,9 @@ def calibrate(
 def track(
     log: Annotated[Path, typer.Argument(help="A row a detection, or what the format says.", metavar="LOG")],
     out: Out = Path("out"),
-    filter_name: Annotated[Filter, typer.Option("--filter", help="Of the tracker.")] = Filter.IMM,
+    filter_name: Annotated[
+        str, typer.Option("--filter", help="Of the tracker: imm, adaptive, patent, cv, ca.", metavar="NAME")
+    ] = "imm",
     log_format: Annotated[LogFormat, typer.Option("--format", help="Of the log.")] = LogFormat.CSV,
     own_association: Annotated[
         bool, typer.Option("--own-association", help="Associate also where the log gives the targets.")
@@ -86,7 +78,7 @@ def track(
     from analysis.radar_log import rmse
 
     with plain_errors(), told_where(out):
-        table = track_recording(log, out, filter_name.value, log_format.value, own_association)
+        table = track_recording(log, out, filter_name, log_format.value, own_association)
         typer.echo(f"{'tracks':21} {table['track_id'].nunique()}")
         for name, value in rmse(table).items():
             typer.echo(f"RMSE {name:16} {value:.4f}")

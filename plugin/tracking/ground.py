@@ -12,7 +12,8 @@ import numpy as np
 from plugin.tracking import adaptive
 from plugin.tracking.adaptive import Adaptation, AdaptiveState
 from plugin.tracking.detections import Array, Detections, Estimate, SensorMotion
-from plugin.tracking.models import STATES, GroundMotion, RadarNoise, ground_model
+from plugin.tracking.kalman_kernels import STATES
+from plugin.tracking.models import GroundMotion, RadarNoise, ground_model
 from plugin.tracking.polar import StartSpread, first_velocity
 
 

@@ -10,10 +10,10 @@ from pydantic import Field
 from plugin.tracking import imm, polar_kernels
 from plugin.tracking.detections import Array, Detections, Estimate, SensorMotion
 from plugin.tracking.imm import ImmState
+from plugin.tracking.kalman_kernels import STATES
 from plugin.tracking.models import (
     POLAR_ANGLE,
     POLAR_H,
-    STATES,
     PolarMotion,
     RadarNoise,
     markov_powers,

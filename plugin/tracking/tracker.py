@@ -26,7 +26,7 @@ _LONGEST_HISTORY = 60
 class TrackerSettings:
     """The tracker's rules."""
 
-    filter: FilterName = Field("imm", description="imm, adaptive, patent, cv, ca")
+    filter: FilterName = Field("imm", description="which one, of `plugin.tracking.filters`")
     filters: FilterSettings = Field(default_factory=FilterSettings)
     classes: ClassSettings = Field(default_factory=ClassSettings)
     gate: float = Field(
