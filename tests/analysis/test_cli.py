@@ -177,7 +177,7 @@ def test_help_is_on_standard_output(words: list[str], capsys: pytest.CaptureFixt
         (["calibrate", "road.png", "--height", "-1"], "height_m"),
         (["track", "none.csv"], "none.csv: no such file"),
         (["track", "no_time.csv"], "no_time.csv:1: column time_s is missing"),
-        (["track", "radar.csv", "--filter", "kalman"], "'kalman' is not one of 'imm'"),
+        (["track", "radar.csv", "--filter", "kalman"], "filter = 'kalman': allowed are imm"),
         (["evaluate", "--scenario", "hihgway", "--seeds", "1"], "did you mean 'highway'?"),
         (["evaluate", "--equip", "7"], "'--equip'"),
     ],
