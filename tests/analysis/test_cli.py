@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from analysis.cli import main
-from analysis.commands.recordings import Filter, LogFormat
+from analysis.commands.recordings import LogFormat
 from analysis.radar_formats import FORMATS
 from plugin.record import read_table
 from plugin.schema import TABLES
@@ -123,6 +123,13 @@ def test_scenarios_are_a_line_each(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(len(line.split(maxsplit=1)) == 2 for line in lines)
 
 
+def test_the_versions_that_results_depend_on_are_a_line_each(capsys: pytest.CaptureFixture[str]) -> None:
+    assert status("--version") == 0
+    said = dict(line.split(" ", 1) for line in capsys.readouterr().out.splitlines())
+    assert list(said) == ["python", "sumo-adas", "libsumo", "numpy", "numba", "opencv-python-headless"]
+    assert said["numpy"] == np.__version__
+
+
 @pytest.mark.parametrize("words", [[], ["--help"], ["--version"], ["run", "--help"], ["detect", "--help"]])
 def test_help_is_on_standard_output(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert status(*words) == 0
@@ -217,8 +224,9 @@ def test_track_follows_the_object_of_a_log(
     assert last["range_rate_mps"] == pytest.approx(-5.0, abs=0.3)
 
 
-def test_the_commands_offer_what_there_is() -> None:
-    assert [name.value for name in Filter] == list(FILTERS)
+def test_the_commands_offer_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert status("track", "--help") == 0
+    assert ", ".join(FILTERS) in " ".join(capsys.readouterr().out.split())
     assert [name.value for name in LogFormat] == ["csv", *FORMATS]
 
 
