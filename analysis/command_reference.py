@@ -1,5 +1,7 @@
 """All commands and options as Markdown: `python -m analysis.command_reference > docs/commands.md`."""
 
+from typing import Any
+
 import typer
 from typer.cli import get_docs_for_click
 
@@ -16,7 +18,7 @@ Made from the commands by `python -m analysis.command_reference > docs/commands.
 def reference() -> str:
     """The Markdown text."""
     command = typer.main.get_command(app)
-    context = command.make_context("sumo-adas", [], resilient_parsing=True)
+    context: Any = command.make_context("sumo-adas", [], resilient_parsing=True)
     text = get_docs_for_click(obj=command, ctx=context, name="sumo-adas")
     body = text.split("**Usage**:", 1)[1]
     return _HEADER + "**Usage**:" + body.rstrip() + "\n"

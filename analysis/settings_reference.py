@@ -154,7 +154,7 @@ def _limits(field: FieldInfo) -> list[Any]:
     while pending:
         annotation = pending.pop()
         if typing.get_origin(annotation) is typing.Annotated:
-            for limit in annotation.__metadata__:
+            for limit in typing.get_args(annotation)[1:]:
                 found += limit.metadata if isinstance(limit, FieldInfo) else [limit]
         pending += [arg for arg in typing.get_args(annotation) if typing.get_origin(annotation) is not None]
     return list(dict.fromkeys(found))  # equal ones, as of both numbers of a pair, once

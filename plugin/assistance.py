@@ -35,8 +35,9 @@ from sumo_net.road import RoadAhead, RoadNetwork
 from sumo_net.road_kernels import ahead as road_ahead
 from sumo_net.script_player import ScriptPlayer
 from sumo_net.settings import read_toml
+from sumo_net.snapshot import Snapshot
 from sumo_net.surroundings import objects_around
-from sumo_net.traffic import Snapshot, Traffic
+from sumo_net.traffic import Traffic
 
 Array = np.ndarray[Any, Any]
 

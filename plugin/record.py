@@ -156,7 +156,8 @@ def _read_csv(csv: Path, schema: pa.Schema) -> pa.Table:
 
 def to_pandas(table: pa.Table) -> pd.DataFrame:
     """A DataFrame in which empty cells are pandas' own missing value also for booleans and text."""
-    return table.to_pandas(types_mapper={pa.bool_(): pd.BooleanDtype()}.get)
+    frame: pd.DataFrame = table.to_pandas(types_mapper={pa.bool_(): pd.BooleanDtype()}.get)
+    return frame
 
 
 class _CsvFile:

@@ -14,7 +14,8 @@ from pydantic import Field
 
 from analysis.published import comparison
 from plugin.tracking import adaptive, kalman
-from plugin.tracking.models import GROUND_C, STATES, GroundMotion, ground_model
+from plugin.tracking.kalman_kernels import STATES
+from plugin.tracking.models import GROUND_C, GroundMotion, ground_model
 from sumo_net.randomness import generator
 from sumo_net.settings import settings
 
