@@ -51,17 +51,17 @@ def about(
         typer.echo(context.get_help())
 
 
-app.command()(simulation.run)
+app.command(short_help="Run a scenario, write its tables, print a summary.")(simulation.run)
 app.command()(simulation.scenarios)
-app.command()(campaigns.batch)
-app.command()(campaigns.sweep)
-app.command()(drives.video)
+app.command(short_help="Run a campaign, or what is missing of it.")(campaigns.batch)
+app.command(short_help="Judge other warning thresholds on a campaign's steps.")(campaigns.sweep)
+app.command(short_help="Film a drive: camera, warnings, view from above.")(drives.video)
 app.command()(recordings.detect)
-app.command()(recordings.calibrate)
+app.command(short_help="Propose a camera file from straight roads.")(recordings.calibrate)
 app.command()(recordings.track)
 app.command(short_help="Write one HTML page that shows what a directory holds.")(pictures.report)
 app.command(short_help="Draw one figure of what a directory holds.")(pictures.plot)
-app.command()(studies.reproduce)
+app.command(short_help="Run a published experiment: published beside measured.")(studies.reproduce)
 app.command(short_help="Drive a test protocol of the industry; status 0 when it passes.")(protocols.protocol)
 app.command(short_help="Measure accuracy over many seeds against the stated targets.")(studies.evaluate)
 
