@@ -1,18 +1,24 @@
 """Recorded input: a video, a folder of images or one image, as 320x240 grey frames."""
 
 import re
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX
 
 Array = np.ndarray[Any, Any]
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp")
+
+
+MOST_PIXELS = 10**8  # of a picture; a video of 8K has a third of it
+MOST_BYTES = 2**30  # of an image's file
 
 
 class FootageError(ValueError):
@@ -88,18 +94,54 @@ def frames(footage: Footage) -> Iterator[Recorded]:
 
 
 def read_picture(path: Path) -> Array:
-    """One image, BGR, its own size. Raises FootageError where it cannot be read."""
+    """One image, BGR, its own size.
+
+    Raises FootageError where it cannot be read, or unpacked would have more than MOST_PIXELS: a file of a
+    kilobyte may say that it has a gigapixel.
+    """
+    _check_size(path)
     try:
         data = np.fromfile(path, np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     except OSError as error:
         raise FootageError(f"{path}: cannot be read ({error.strerror})") from None
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    except cv2.error:
+        image = None
     if image is None:
         raise FootageError(f"{path}: is not an image that can be read")
     return np.asarray(image)
 
 
+def _check_size(path: Path) -> None:
+    """Look at an image's header alone."""
+    try:
+        if not path.is_file():  # a pipe would be waited for
+            raise FootageError(f"{path}: is not a file")
+        if path.stat().st_size > MOST_BYTES:
+            raise FootageError(f"{path}: is larger than {MOST_BYTES} bytes")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of Pillow's own, lower bound
+            with Image.open(path) as header:
+                width, height = header.size
+    except Image.DecompressionBombError:
+        width = height = MOST_PIXELS
+    except FootageError:
+        raise
+    except PermissionError as error:
+        raise FootageError(f"{path}: cannot be read ({error.strerror})") from None
+    except Exception:  # Pillow's plug-ins raise what comes: struct.error, SyntaxError, KeyError and others
+        raise FootageError(f"{path}: is not an image that can be read") from None
+    _refuse_giants(path, width, height)
+
+
+def _refuse_giants(path: Path, width: float, height: float) -> None:
+    if width * height > MOST_PIXELS:
+        raise FootageError(f"{path}: its pictures are of more than {MOST_PIXELS} pixels: not accepted")
+
+
 def _open_video(path: Path) -> Any:
+    if not path.is_file():
+        raise FootageError(f"{path}: is not a file")
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
@@ -108,6 +150,7 @@ def _open_video(path: Path) -> Any:
         cv2.utils.logging.setLogLevel(level)
     if not video.isOpened():
         raise FootageError(f"{path}: is neither an image nor a video that can be read")
+    _refuse_giants(path, video.get(cv2.CAP_PROP_FRAME_WIDTH), video.get(cv2.CAP_PROP_FRAME_HEIGHT))
     return video
 
 

@@ -29,7 +29,10 @@ def comma2k19(path: Path) -> pd.DataFrame:
     z axis: of the three it is the one that follows speed times steering angle (correlation −0.92).
     """
     folder = path if path.is_dir() else path.parent
-    radar, speed, gyro = (_table(folder / name) for name in ("radar.csv", "speed.csv", "gyro.csv"))
+    radar, speed, gyro = (_table(folder / name, columns) for name, columns in _COMMA2K19.items())
+    if len(speed) < 2:
+        raise LogError(f"{folder / 'speed.csv'}: holds fewer than two rows")
+    radar["address"] = radar["address"].astype(np.int64)
     scan = (radar["time_s"].diff() > 0.02).cumsum()
     scan += (radar.groupby([scan, "address"]).cumcount() > 0).cumsum()  # an address twice: a cycle was lost
     time = radar.groupby(scan)["time_s"].transform("mean").round(6)
@@ -129,10 +132,31 @@ def track_recording(
     return track(log, path.stem, out, options, own_association)
 
 
-def _table(path: Path) -> pd.DataFrame:
+_COMMA2K19 = {
+    "radar.csv": ("time_s", "address", "forward_m", "left_m", "relative_speed_mps", "new_track"),
+    "speed.csv": ("time_s", "speed_mps"),
+    "gyro.csv": ("time_s", "gyro_z_radps"),
+}
+_MOST = 1e15  # beside which a double still has fractions; an integer column keeps its value
+
+
+def _table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
+    """These columns of a CSV file as finite numbers. Raises LogError, one line."""
     try:
-        return pd.read_csv(path)
+        text = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig", index_col=False)
     except FileNotFoundError:
         raise LogError(f"{path}: no such file") from None
     except (ValueError, OSError) as error:
-        raise LogError(f"{path}: cannot be read ({error})") from None
+        raise LogError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
+    for name in columns:
+        if name not in text:
+            raise LogError(f"{path}:1: column {name} is missing")
+    if text.empty:
+        raise LogError(f"{path}: holds no rows")
+    numbers = text[list(columns)].apply(pd.to_numeric, errors="coerce")
+    wrong = ~(numbers.abs() < _MOST)
+    if wrong.any(axis=None):
+        row, column = np.argwhere(wrong.to_numpy())[0]
+        value = text[columns[column]].iloc[row]
+        raise LogError(f"{path}:{row + 2}: {columns[column]} = {str(value)[:80]!r} must be a finite number")
+    return numbers.astype(np.float64)

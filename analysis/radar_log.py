@@ -93,7 +93,7 @@ def read_log(path: Path) -> Log:
     except pd.errors.EmptyDataError:
         raise LogError(f"{path}:1: is empty; the first line must be {','.join(REQUIRED)}") from None
     except (pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: is not a CSV file: {str(error).strip()}") from None
+        raise LogError(f"{path}: is not a CSV file: {' '.join(str(error).split())}") from None
     frame.columns = frame.columns.str.strip()
     return parse(frame.fillna(""), str(path))
 
@@ -207,13 +207,18 @@ def _check_columns(frame: pd.DataFrame, source: str) -> None:
     given = list(frame.columns)
     for name in REQUIRED:
         if name not in given:
-            raise LogError(f"{source}:1: column {name} is missing; there are {', '.join(map(str, given))}")
+            raise LogError(f"{source}:1: column {name} is missing; there are {_named(*given)}")
     for name in given:
         if given.count(name) > 1 or f"{name}.1" in given:
-            raise LogError(f"{source}:1: column {name} is given twice")
+            raise LogError(f"{source}:1: column {_named(name)} is given twice")
         near = difflib.get_close_matches(str(name), [k for k in KNOWN if k not in given], n=1, cutoff=0.75)
         if name not in KNOWN and near:
-            raise LogError(f"{source}:1: column {name} is unknown: did you mean {near[0]}?")
+            raise LogError(f"{source}:1: column {_named(name)} is unknown: did you mean {near[0]}?")
+
+
+def _named(*columns: object) -> str:
+    """Names from a file as they can be shown: short, without control characters."""
+    return ", ".join(repr(str(name)[:60]).strip("'\"") for name in columns[:40])
 
 
 def _numbers(rows: pd.DataFrame, name: str, source: str) -> Array:
@@ -261,4 +266,4 @@ def _refuse(wrong: Array, rows: pd.DataFrame, name: str, source: str, rule: str)
     """Raise LogError at the first row that is wrong."""
     if wrong.any():
         line = rows.index[int(np.argmax(wrong))]
-        raise LogError(f"{source}:{line + 2}: {name} = {rows.loc[line, name]!r} {rule}")
+        raise LogError(f"{source}:{line + 2}: {name} = {str(rows.loc[line, name])[:80]!r} {rule}")

@@ -54,8 +54,7 @@ def check(file: Path, mode: str | None = None, update: bool = False) -> dict[str
 
     Raises ExpectationError where they are not as expected, SettingsError for a file that is wrong.
     """
-    wanted = read(Regression, read_toml(file), str(file))
-    bounds = dict(_bounds(wanted.expect))
+    wanted, bounds = expectations(file)
     options: dict[str, Any] = {} if mode is None else {"mode": mode}
     settings_of(str(file), **options)  # before anything is run
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
@@ -71,6 +70,12 @@ def check(file: Path, mode: str | None = None, update: bool = False) -> dict[str
     if faults:
         raise ExpectationError("\n".join(faults))
     return figures
+
+
+def expectations(file: Path) -> tuple[Regression, dict[str, dict[str, float]]]:
+    """What the file says, and its bounds by figure and rule. Raises SettingsError."""
+    wanted = read(Regression, read_toml(file), str(file))
+    return wanted, dict(_bounds(wanted.expect))
 
 
 def _run(

@@ -5,15 +5,16 @@ that names an output is then pointed into the run's directory, and so is every o
 names (detectors, edge data), for which that file is copied with the names changed.
 """
 
-import gzip
 import re
 import subprocess
 import xml.etree.ElementTree as ET
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from sumo_net.settings import SettingsError
+from sumo_net.xml_input import read_bounded, root_element
 
 _OUTPUT_OPTIONS = (
     "netstate-dump",
@@ -38,7 +39,8 @@ _WRITING = {
     "calibrator": "output",
     "timedEvent": "dest",
 }
-_WRITING_PARAMETERS = ("device.ssm.file", "device.toc.file")
+# Of vehicles and vehicle types; the last of traffic lights, for their detectors.
+_WRITING_PARAMETERS = ("device.ssm.file", "device.toc.file", "file")
 # Attributes that name a file to read, relative to the file that they stand in.
 _READING = {
     "include": "href",
@@ -50,8 +52,12 @@ _READING = {
     "vType": "imgFile",
 }
 _MAY_WRITE = re.compile(
-    "|".join([*(rf"<{tag}\b" for tag in _WRITING), "<include", *map(re.escape, _WRITING_PARAMETERS)])
+    "|".join(
+        [*(rf"<{tag}\b" for tag in _WRITING), "<include", *(rf"[\"']{p}[\"']" for p in _WRITING_PARAMETERS)]
+    ).encode()
 )
+_PLAIN = re.compile(rb"(\xef\xbb\xbf)?\s*<")  # an encoding in which the tags stand as they are
+_DEEPEST_INCLUDE = 20
 _NOWHERE = re.compile(r"(?i)(nul|none|/dev/null|[\w.-]+:\d+)$")
 
 
@@ -81,15 +87,18 @@ def prepare_configuration(source: Path, directory: Path, overrides: Mapping[str,
         for name, value in overrides.items()
         if options.get(name) and not _same(options[name], value) and name != "no-step-log"
     ]
+    for name in _INPUT_OPTIONS:
+        for path in _paths(options[name]) if options.get(name) and name != "load-state" else ():
+            _root(Path(path))
     directory = directory.resolve()
     for name, value in list(options.items()):
         if name in _DROPPED_OPTIONS:
             del options[name]
         elif (name.endswith("-output") or name in _OUTPUT_OPTIONS) and value:
             options[name] = ",".join(_redirected(part, directory) for part in value.split(","))
-    for name in ("additional-files", "route-files"):
+    copies = _Copies(directory)
+    for name in ("net-file", "additional-files", "route-files"):
         if options.get(name):
-            copies = _Copies(directory)
             options[name] = ",".join(copies.without_outputs(Path(p)) for p in _paths(options[name]))
     options |= overrides
     file = directory / "run.sumocfg"
@@ -111,6 +120,7 @@ def read_configuration(source: Path, directory: Path) -> dict[str, str]:
 
     if not source.is_file():
         raise SettingsError(f"{source}: no such file")
+    _root(source)
     program = next(iter(sorted((Path(sumo.SUMO_HOME) / "bin").glob("sumo*"))), None)
     if program is None:
         raise SettingsError(f"no sumo in {sumo.SUMO_HOME}/bin: pip install eclipse-sumo")
@@ -134,26 +144,43 @@ def seconds(text: str) -> float:
     return total
 
 
+def without_outputs(path: Path, directory: Path) -> str:
+    """The path itself where an XML file names no output, else that of a copy whose outputs lie in `directory`.
+
+    Raises SettingsError: not XML, XML entities, more than a GiB, includes without end.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    return _Copies(directory.resolve()).without_outputs(path)
+
+
 class _Copies:
     """Copies of files that name outputs, in a directory, with the names changed."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
         self._made = 0
+        self._within: list[Path] = []  # includes that are being followed
 
     def without_outputs(self, path: Path) -> str:
         """The path itself where the file names no output, else that of a changed copy."""
+        real = path.resolve()
+        if real in self._within or len(self._within) >= _DEEPEST_INCLUDE:
+            raise SettingsError(f"{path}: is included by itself, or more than {_DEEPEST_INCLUDE} deep")
+        _root(path)
         try:
-            text = _text(path)
-            if not _MAY_WRITE.search(text):
-                return str(path)
-            root = ET.fromstring(text)
-        except (OSError, UnicodeDecodeError):
+            text = read_bounded(path)
+        except (OSError, EOFError, zlib.error) as error:
+            raise SettingsError(f"{path}: cannot be read ({error})") from None
+        if _PLAIN.match(text) and not _MAY_WRITE.search(text):
             return str(path)
-        except ET.ParseError as error:
+        try:
+            root = ET.fromstring(text)
+        except (ET.ParseError, ValueError) as error:  # ValueError: an encoding of several bytes
             raise SettingsError(f"{path}: is not valid XML: {error}") from None
+        self._within.append(real)
         for element in root.iter():
             self._change(element, path.parent)
+        self._within.pop()
         self._made += 1
         copy = self._directory / f"{self._made}_{path.name.removesuffix('.gz')}"
         ET.ElementTree(root).write(copy, encoding="UTF-8", xml_declaration=True)
@@ -193,7 +220,9 @@ def _same(one: str, other: str) -> bool:
         return one == other
 
 
-def _text(path: Path) -> str:
-    opener = gzip.open if path.suffix == ".gz" else open
-    with opener(path, "rt", encoding="utf-8") as file:
-        return str(file.read())
+def _root(path: Path) -> None:
+    """Refuse XML entities, before SUMO sees the file."""
+    try:
+        root_element(path)
+    except (OSError, EOFError, zlib.error) as error:
+        raise SettingsError(f"{path}: cannot be read ({error})") from None

@@ -16,6 +16,7 @@ from pydantic import Field
 from sumo_net.network import BuiltNetwork, Carriageway
 from sumo_net.randomness import generator
 from sumo_net.settings import SettingsError, settings
+from sumo_net.xml_input import root_element
 
 _MOST_SINKS = 20  # destinations from one place in a user's network
 _ENTRY_M = 30.0  # nothing is placed this close to the beginning, where the flows enter
@@ -174,8 +175,11 @@ def read_net(net_file: Path) -> Any:
     if not net_file.is_file():
         raise SettingsError(f"{net_file}: no such file")
     try:
+        root_element(net_file)  # no entities
         net = sumolib.net.readNet(str(net_file))
         lanes = sum(edge.getLaneNumber() for edge in net.getEdges())
+    except SettingsError:
+        raise
     except Exception as error:
         raise SettingsError(f"{net_file}: is not a SUMO network: {' '.join(str(error).split())}") from None
     if lanes == 0:

@@ -98,7 +98,9 @@ class Influence:
         """Change lanes in the next step to the left (+1) or right (-1), whoever is there, and stay."""
         with contextlib.suppress(*self._gone):
             self.keep_lane(handle)
-            self._vehicle.changeLaneRelative(self._name(handle), side, _TOLD_FOR_S)
+            # SUMO counts lanes from the side that traffic keeps to
+            over = -side if self._traffic.left_hand else side
+            self._vehicle.changeLaneRelative(self._name(handle), over, _TOLD_FOR_S)
 
     def _name(self, handle: int) -> str:
         return self._traffic.vehicle_id(handle)

@@ -2,14 +2,18 @@
 
 import gzip
 import math
-from dataclasses import dataclass, field
+import zlib
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.parsers import expat
 
 import numpy as np
 
 from sumo_net.road_table import Array
+from sumo_net.xml_input import Bounded
 
+MOST_LENGTH_M = 200_000.0  # of a lane: its curve is sampled every half metre
+_MOST_STRETCH = 100.0  # of a shape longer than a kilometre, beside the length that SUMO is told
 DEFAULT_WIDTH_M = 3.2  # SUMO's, where a lane gives none
 _STRAIGHT_FIRST = {"s": 0, "l": 1, "r": 1, "L": 1, "R": 1, "t": 9}  # how far a connection's direction turns
 
@@ -24,7 +28,7 @@ class Lane:
 
     id: str
     edge: str
-    index: int  # 0 rightmost
+    index: int  # 0 rightmost, also where traffic keeps left and SUMO counts from there
     length_m: float  # SUMO's, which need not be the shape's
     width_m: float
     speed_limit_mps: float
@@ -65,6 +69,7 @@ class LaneGraph:
     onward: dict[str, list[Connection]] = field(default_factory=dict)  # by source lane
     inward: dict[str, list[Connection]] = field(default_factory=dict)  # by target lane, and by internal lane
     decimals: int = 2  # of the shapes
+    left_hand: bool = False  # traffic keeps left
 
     def drivable_edges(self) -> list[str]:
         """Edges (not internal) with a lane for passenger cars, in the file's order."""
@@ -91,10 +96,10 @@ def read(file: Path) -> LaneGraph:
         with file.open("rb") as raw:
             zipped = raw.read(2) == b"\x1f\x8b"
         with gzip.open(file) if zipped else file.open("rb") as text:
-            parser.ParseFile(text)
+            parser.ParseFile(Bounded(text, file))
     except FileNotFoundError:
         raise NetworkError(f"{file}: no such file") from None
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         raise NetworkError(f"{file}: cannot be read ({error})") from None
     except expat.ExpatError as error:
         raise NetworkError(f"{file}: is not well-formed XML: {error}") from None
@@ -124,8 +129,7 @@ class _Reader:
                 raise NetworkError(
                     f"{self.graph.file}: is not a SUMO network: its root is <{tag}>, not <net>"
                 )
-            if given.get("lefthand", "") in ("true", "1"):
-                raise NetworkError(f"{self.graph.file}: lefthand = {given['lefthand']}: not supported")
+            self.graph.left_hand = given.get("lefthand", "") in ("true", "1")
         elif tag == "edge":
             internal = given.get("function", "") != "" and given["id"].startswith(":")
             self.edge = Edge(given["id"], given.get("from", ""), given.get("to", ""), internal)
@@ -144,6 +148,9 @@ class _Reader:
         width = float(given.get("width", DEFAULT_WIDTH_M))
         if not (length > 0 and math.isfinite(length)):
             raise ValueError(f"lane '{given['id']}': length = {length}: must be above 0")
+        drawn = float(np.hypot(*np.diff(shape, axis=0).T).sum())
+        if not drawn <= min(MOST_LENGTH_M, max(1000.0, _MOST_STRETCH * length)):
+            raise ValueError(f"lane '{given['id']}' has a shape of {drawn:.0f} m and a length of {length:g} m")
         if not (width >= 0 and math.isfinite(width)):
             raise ValueError(f"lane '{given['id']}': width = {width}: must not be below 0")
         if len(self.graph.lanes) < 1000:
@@ -168,7 +175,9 @@ class _Reader:
     def finished(self) -> LaneGraph:
         graph = self.graph
         for edge in graph.edges.values():
-            edge.lanes.sort(key=lambda lane: graph.lanes[lane].index)
+            edge.lanes.sort(key=lambda lane: graph.lanes[lane].index, reverse=graph.left_hand)
+            for index, lane in enumerate(edge.lanes if graph.left_hand else ()):
+                graph.lanes[lane] = replace(graph.lanes[lane], index=index)
         for given in self.connections:
             source = f"{given.get('from')}_{given.get('fromLane')}"
             target = f"{given.get('to')}_{given.get('toLane')}"

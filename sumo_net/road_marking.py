@@ -37,6 +37,7 @@ class Markings:
     def __init__(self, graph: LaneGraph, shoulder_right_m: float, shoulder_left_m: float) -> None:
         self.graph = graph
         self.shoulder_right_m, self.shoulder_left_m = shoulder_right_m, shoulder_left_m
+        self._middle = -1 if graph.left_hand else 1  # which side of a lane the other direction lies
         self._sections: dict[str, Section] = {}
         self._anchors: dict[str, float] = {}
         self._by_nodes: dict[tuple[str, str], list[Edge]] = {}
@@ -151,6 +152,8 @@ class Markings:
                     _put(offset, kind, slot, edge_of_asphalt - other.width_m, SOLID)
             if not other.walkable_only:
                 edge_of_asphalt -= other.width_m
+        if graph.left_hand and abs(edge_of_asphalt - offset[slot]) < 1e-9:
+            edge_of_asphalt = self._add_opposite(edge, offset, kind, slot, edge_of_asphalt)
         right = edge_of_asphalt - self.shoulder_right_m
 
         slot, edge_of_asphalt = OWN_RIGHT + 1, half
@@ -164,7 +167,7 @@ class Markings:
                     _put(offset, kind, slot, edge_of_asphalt + other.width_m, SOLID)
             if not other.walkable_only:
                 edge_of_asphalt += other.width_m
-        if abs(edge_of_asphalt - offset[slot]) < 1e-9:
+        if not graph.left_hand and abs(edge_of_asphalt - offset[slot]) < 1e-9:
             edge_of_asphalt = self._add_opposite(edge, offset, kind, slot, edge_of_asphalt)
         left = edge_of_asphalt + self.shoulder_left_m
         fraction, station = _along_reference(lane, lanes[0])
@@ -172,33 +175,35 @@ class Markings:
 
     def _add_opposite(self, edge: Edge, offset: Array, kind: Array, slot: int, reach: float) -> float:
         # Lanes of the other direction beyond the middle line; returns how far the asphalt goes.
+        side = self._middle
         opposite = self._opposite(edge)
         if opposite is None:
             return reach
-        theirs = [self.graph.lanes[name] for name in reversed(opposite.lanes)]
+        theirs = [self.graph.lanes[name] for name in opposite.lanes[::-side]]
         ours = sum(self.graph.lanes[name].drivable for name in edge.lanes)
         single = ours == 1 and sum(lane.drivable for lane in theirs) == 1
         kind[slot] = DASHED if single else SOLID
         driving = True
         for lane in theirs:
             driving = driving and lane.drivable
-            if driving and slot + 1 < MAX_BORDERS:
+            if driving and 0 <= slot + side < MAX_BORDERS:
                 if kind[slot] == SOLID and lane is not theirs[0]:
                     kind[slot] = DASHED
-                slot += 1
-                _put(offset, kind, slot, reach + lane.width_m, SOLID)
+                slot += side
+                _put(offset, kind, slot, reach + side * lane.width_m, SOLID)
             if not lane.walkable_only:
-                reach += lane.width_m
+                reach += side * lane.width_m
         return reach
 
     def _opposite(self, edge: Edge) -> Edge | None:
-        ours = self.graph.lanes[edge.lanes[-1]]
+        innermost = -1 if self._middle > 0 else 0
+        ours = self.graph.lanes[edge.lanes[innermost]]
         middle = len(ours.shape) // 2
         a, b = ours.shape[middle - 1], ours.shape[middle]
         along = (b - a) / max(float(np.hypot(*(b - a))), 1e-9)
-        point = (a + b) / 2.0 + ours.width_m / 2.0 * np.array([-along[1], along[0]])
+        point = (a + b) / 2.0 + self._middle * ours.width_m / 2.0 * np.array([-along[1], along[0]])
         for other in self._by_nodes.get((edge.target, edge.source), []):
-            theirs = self.graph.lanes[other.lanes[-1]]
+            theirs = self.graph.lanes[other.lanes[innermost]]
             if abs(_distance(point, theirs.shape) - theirs.width_m / 2.0) < _TOUCH_M:
                 return other
         return None

@@ -34,7 +34,7 @@ class Roadside:
     rail_side: Literal["left", "right", "both", "none"] = Field("left", description="where guard rails run")
     rail_spacing_m: float = Field(20.0, ge=0, description="between points of a rail that reflect")
     rail_clearance_m: float = Field(0.4, ge=0, le=10, description="from the asphalt's edge to the rail")
-    parked_per_km: float = Field(0.3, ge=0, le=100, description="cars standing right of the right lane, mean")
+    parked_per_km: float = Field(0.3, ge=0, le=100, description="cars at the roadside, where traffic keeps, mean")
     parked_clearance_m: float = Field(
         0.35, ge=0.2, le=5, description="from the right lane's border to a parked car"
     )
@@ -82,8 +82,9 @@ def place(
             draw = generator(roadside.seed, name, "parked")
             count = draw.poisson(roadside.parked_per_km * _length(lanes[0]) / 1000.0)
             stations = np.sort(draw.uniform(0.0, _length(lanes[0]), count))
-            away = -0.5 * lanes[0].width_m - roadside.parked_clearance_m - 0.5 * PARKED[1]
-            rows.append(_row(lanes[0], stations, away, PARKED))
+            side, lane = (1.0, lanes[-1]) if graph.left_hand else (-1.0, lanes[0])
+            away = 0.5 * lane.width_m + roadside.parked_clearance_m + 0.5 * PARKED[1]
+            rows.append(_row(lane, stations, side * away, PARKED))
     if not rows:
         return nothing()
     table = np.concatenate(rows)

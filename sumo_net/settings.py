@@ -18,6 +18,7 @@ import pydantic.dataclasses
 
 T = TypeVar("T")
 
+_DEEPEST = 50  # tables and lists within each other
 _CONFIG = pydantic.ConfigDict(extra="forbid", arbitrary_types_allowed=False, allow_inf_nan=False)
 
 
@@ -51,12 +52,16 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The mapping in a TOML file. Raises SettingsError where it cannot be read or is not TOML."""
     try:
         with path.open("rb") as file:
-            return tomllib.load(file)
+            return _not_too_deep(tomllib.load(file), path)
     except FileNotFoundError:
         raise SettingsError(f"{path}: no such file") from None
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise _too_deep(path) from None
+    except SettingsError:
+        raise
+    except ValueError as error:  # tomllib's own, of the encoding, of a number of thousands of digits
         raise SettingsError(f"{path}: is not valid TOML: {error}") from None
 
 
@@ -68,11 +73,32 @@ def read_json(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: no such file") from None
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
+    except RecursionError:
+        raise _too_deep(path) from None
     except ValueError as error:
         raise SettingsError(f"{path}: is not valid JSON: {error}") from None
     if not isinstance(content, dict):
         raise SettingsError(f"{path}: holds no mapping")
-    return content
+    return _not_too_deep(content, path)
+
+
+def _not_too_deep(content: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The content as it is. Raises SettingsError where what walks it later would run out of stack."""
+    level: list[Any] = [content]
+    for _ in range(_DEEPEST):
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, dict | list)
+        ]
+        if not level:
+            return content
+    raise _too_deep(path)
+
+
+def _too_deep(path: Path) -> SettingsError:
+    return SettingsError(f"{path}: is nested more than {_DEEPEST} deep")
 
 
 def _finding(cls: Any, finding: Any) -> str:

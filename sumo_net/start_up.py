@@ -1,13 +1,15 @@
 """What SUMO needs and says when it starts: its home, the reason for a failure, the side of the traffic."""
 
 import contextlib
-import gzip
 import os
 import re
 import tempfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from sumo_net.xml_input import XmlInputError, root_element
 
 
 def set_sumo_home() -> None:
@@ -51,12 +53,7 @@ def one_line(text: str) -> str:
 
 def is_left_hand(net_file: Path) -> bool:
     """Whether the network says that traffic keeps left; False where the file cannot be read from here."""
-    opener = gzip.open if net_file.suffix == ".gz" else open
     try:
-        with opener(net_file, "rt", encoding="utf-8", errors="replace") as file:
-            for line in file:
-                if "<net " in line:
-                    return bool(re.search(r'\blefthand="(1|true)"', line))
-    except OSError:
-        pass
-    return False
+        return root_element(net_file)[1].get("lefthand", "") in ("1", "true")
+    except (OSError, EOFError, zlib.error, XmlInputError):
+        return False

@@ -1,0 +1,212 @@
+"""Broken and hostile input for every reader: `make fuzz`, or
+
+    python benchmarks/fuzz.py --inputs 100000 --readers network camera
+    python benchmarks/fuzz.py --engine atheris --inputs 100000 --readers network    (pip install -e .[fuzz])
+
+`mutate` makes inputs from valid ones: bytes, numbers, words and lines changed, doubled, moved, cut. The same seed
+gives the same inputs. `atheris` is guided by coverage; the project's own modules are instrumented. A finding is
+written to OUT/READER-NUMBER and printed; the status is 1 where there is one.
+"""
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+OWN = ("sumo_net", "camera_synth", "plugin", "analysis")
+_TOKEN = re.compile(rb"[A-Za-z_][\w.]*|-?\d+\.?\d*(?:e-?\d+)?|\s+|.", re.DOTALL)
+
+
+def mutated(draw: np.random.Generator, seeds: tuple[bytes, ...], words: tuple[bytes, ...]) -> bytes:
+    """One input: a valid one with one to six changes."""
+    content = seeds[int(draw.integers(len(seeds)))]
+    for _ in range(int(draw.integers(1, 7))):
+        content = _CHANGES[int(draw.integers(len(_CHANGES)))](draw, content, words)
+        if len(content) > 60_000:
+            content = content[:60_000]
+    return content
+
+
+def _bytes(draw: np.random.Generator, content: bytes, words: tuple[bytes, ...]) -> bytes:
+    out = bytearray(content or b"\x00")
+    for _ in range(int(draw.integers(1, 5))):
+        out[int(draw.integers(len(out)))] = int(draw.integers(256))
+    return bytes(out)
+
+
+def _token(draw: np.random.Generator, content: bytes, words: tuple[bytes, ...]) -> bytes:
+    tokens = _TOKEN.findall(content) or [b""]
+    chosen = words if draw.random() < 0.7 else tokens
+    tokens[int(draw.integers(len(tokens)))] = chosen[int(draw.integers(len(chosen)))]
+    return b"".join(tokens)
+
+
+def _number(draw: np.random.Generator, content: bytes, words: tuple[bytes, ...]) -> bytes:
+    found = list(re.finditer(rb"-?\d+(\.\d+)?", content))
+    if not found:
+        return content
+    one = found[int(draw.integers(len(found)))]
+    value = float(draw.choice([0, -1, 1, 0.5, 1e9, 1e-9, 1e30])) * float(draw.normal())
+    text = (b"%d" % int(value)) if draw.random() < 0.3 else repr(value).encode()
+    return content[: one.start()] + text + content[one.end() :]
+
+
+def _lines(draw: np.random.Generator, content: bytes, words: tuple[bytes, ...]) -> bytes:
+    lines = content.split(b"\n")
+    at, to = int(draw.integers(len(lines))), int(draw.integers(len(lines)))
+    kind = int(draw.integers(3))
+    if kind == 0:
+        lines.insert(to, lines[at])
+    elif kind == 1:
+        lines[at], lines[to] = lines[to], lines[at]
+    else:
+        del lines[at]
+    return b"\n".join(lines)
+
+
+def _cut(draw: np.random.Generator, content: bytes, words: tuple[bytes, ...]) -> bytes:
+    a, b = sorted(draw.integers(0, len(content) + 1, 2).tolist())
+    return content[:a] + content[b:] if draw.random() < 0.7 else content[:b]
+
+
+def _insert(draw: np.random.Generator, content: bytes, words: tuple[bytes, ...]) -> bytes:
+    at = int(draw.integers(len(content) + 1))
+    return content[:at] + words[int(draw.integers(len(words)))] + content[at:]
+
+
+_CHANGES = (_bytes, _token, _token, _number, _number, _lines, _cut, _insert)
+
+
+def inputs(name: str, seeds: tuple[bytes, ...], words: tuple[bytes, ...], seed: int) -> Iterator[bytes]:
+    """Inputs without end; the same for the same reader and seed."""
+    draw = np.random.default_rng([seed, *name.encode()])
+    yield from seeds
+    while True:
+        yield mutated(draw, seeds, words)
+
+
+def fuzz(name: str, count: int, seed: int, out: Path, most_s: float) -> dict[str, object]:
+    """Hand a reader `count` inputs, or as many as `most_s` allows; findings go to `out`."""
+    from benchmarks.fuzz_readers import attempt, with_media
+
+    with tempfile.TemporaryDirectory(prefix="sumo-adas-fuzz-") as work:
+        folder = Path(work)
+        reader = with_media(folder)[name]
+        began = time.monotonic()
+        done = taken = 0
+        findings: dict[str, int] = {}
+        for content in inputs(name, reader.seeds, reader.words, seed):
+            if done >= count or time.monotonic() - began > most_s:
+                break
+            outcome = attempt(reader, content, folder)
+            done += 1
+            taken += outcome.taken
+            if outcome.finding:
+                kind = re.sub(r"\d+", "N", outcome.finding)[:80]
+                if kind not in findings:
+                    out.mkdir(parents=True, exist_ok=True)
+                    (out / f"{name}-{len(findings)}{reader.suffix}").write_bytes(content)
+                    print(f"{name}: {outcome.finding}", flush=True)
+                findings[kind] = findings.get(kind, 0) + 1
+    return {
+        "reader": name,
+        "inputs": done,
+        "taken": taken,
+        "findings": findings,
+        "seconds": round(time.monotonic() - began, 1),
+    }
+
+
+def guided(name: str, count: int, seed: int, out: Path, most_s: float) -> dict[str, object]:
+    """The same with atheris, in a process of its own: libFuzzer ends the process that it runs in."""
+    out.mkdir(parents=True, exist_ok=True)
+    began = time.monotonic()
+    command = [
+        sys.executable,
+        __file__,
+        "--child",
+        name,
+        str(out),
+        "--inputs",
+        str(count),
+        "--seed",
+        str(seed),
+    ]
+    done = subprocess.run([*command, "--most-s", str(most_s)], capture_output=True, text=True, check=False)
+    runs = re.findall(r"Done (\d+) runs|stat::number_of_executed_units:\s*(\d+)", done.stderr)
+    cover = re.findall(r"cov: (\d+)", done.stderr)
+    if not runs:
+        print(done.stderr[-3000:], flush=True)
+    return {
+        "reader": name,
+        "engine": "atheris",
+        "inputs": max((int(a or b) for a, b in runs), default=0),
+        "coverage": int(cover[-1]) if cover else 0,
+        "findings": {} if done.returncode == 0 else {f"exit {done.returncode}": 1},
+        "seconds": round(time.monotonic() - began, 1),
+    }
+
+
+def _child(name: str, out: Path, count: int, seed: int, most_s: float) -> None:
+    import atheris
+
+    with atheris.instrument_imports(include=list(OWN)):
+        from benchmarks.fuzz_readers import attempt, with_media
+    with tempfile.TemporaryDirectory(prefix="sumo-adas-fuzz-") as work:
+        folder, corpus = Path(work), Path(work) / "corpus"
+        corpus.mkdir()
+        reader = with_media(folder)[name]
+        for k, content in enumerate(reader.seeds):
+            (corpus / str(k)).write_bytes(content)
+        quote = "\n".join(
+            '"' + "".join(f"\\x{byte:02x}" for byte in word[:60]) + '"' for word in reader.words
+        )
+        (folder / "words").write_text(quote + "\n")
+
+        def one(content: bytes) -> None:
+            outcome = attempt(reader, content, folder)
+            if outcome.finding:
+                raise RuntimeError(outcome.finding)
+
+        options = [f"-runs={count}", f"-seed={seed}", f"-dict={folder / 'words'}", "-print_final_stats=1"]
+        options += [f"-max_total_time={int(most_s)}", f"-artifact_prefix={out / name}-", "-rss_limit_mb=4096"]
+        atheris.Setup([sys.argv[0], *options, str(corpus)], one)
+        atheris.Fuzz()
+
+
+def main() -> None:
+    """Fuzz the readers named, print a line each, write the counts."""
+    from benchmarks.fuzz_readers import READERS
+
+    media = ("protocol", "image_png", "image_jpg", "image_bmp", "image_tiff", "video")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--inputs", type=int, default=100_000, help="for each reader")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--most-s", type=float, default=3600.0, help="for each reader, real time")
+    parser.add_argument("--readers", nargs="*", default=[*READERS, *media])
+    parser.add_argument("--engine", choices=("mutate", "atheris"), default="mutate")
+    parser.add_argument("--out", type=Path, default=Path("out/fuzz"))
+    parser.add_argument("--child", nargs=2, metavar=("READER", "OUT"), help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.child:
+        _child(given.child[0], Path(given.child[1]), given.inputs, given.seed, given.most_s)
+        return
+    run = guided if given.engine == "atheris" else fuzz
+    rows = []
+    for name in given.readers:
+        rows.append(run(name, given.inputs, given.seed, given.out / "findings", given.most_s))
+        print(json.dumps(rows[-1]), flush=True)
+    given.out.mkdir(parents=True, exist_ok=True)
+    (given.out / f"{given.engine}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    raise SystemExit(1 if any(row["findings"] for row in rows) else 0)
+
+
+if __name__ == "__main__":
+    main()
