@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX
+from sumo_net.start_up import standard_error
 
 Array = np.ndarray[Any, Any]
 
@@ -102,7 +103,8 @@ def read_picture(path: Path) -> Array:
     _check_size(path)
     try:
         data = np.fromfile(path, np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+        with standard_error():  # where the decoders talk
+            image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     except OSError as error:
         raise FootageError(f"{path}: cannot be read ({error.strerror})") from None
     except cv2.error:

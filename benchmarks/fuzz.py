@@ -1,11 +1,11 @@
 """Broken and hostile input for every reader: `make fuzz`, or
 
     python benchmarks/fuzz.py --inputs 100000 --readers network camera
-    python benchmarks/fuzz.py --engine atheris --inputs 100000 --readers network    (pip install -e .[fuzz])
+    python benchmarks/fuzz.py --engine atheris --inputs 100000 --readers network    # pip install -e .[fuzz]
 
-`mutate` makes inputs from valid ones: bytes, numbers, words and lines changed, doubled, moved, cut. The same seed
-gives the same inputs. `atheris` is guided by coverage; the project's own modules are instrumented. A finding is
-written to OUT/READER-NUMBER and printed; the status is 1 where there is one.
+`mutate` makes inputs from valid ones: bytes, numbers, words and lines changed, doubled, moved, cut. The same
+seed gives the same inputs. `atheris` is guided by coverage; the project's own modules are instrumented. A
+finding is written to OUT/findings and printed; the status is 1 where there is one.
 """
 
 import argparse
@@ -95,8 +95,9 @@ def inputs(name: str, seeds: tuple[bytes, ...], words: tuple[bytes, ...], seed: 
 def fuzz(name: str, count: int, seed: int, out: Path, most_s: float) -> dict[str, object]:
     """Hand a reader `count` inputs, or as many as `most_s` allows; findings go to `out`."""
     from benchmarks.fuzz_readers import attempt, with_media
+    from sumo_net.start_up import standard_error  # decoders say much there
 
-    with tempfile.TemporaryDirectory(prefix="sumo-adas-fuzz-") as work:
+    with tempfile.TemporaryDirectory(prefix="sumo-adas-fuzz-") as work, standard_error():
         folder = Path(work)
         reader = with_media(folder)[name]
         began = time.monotonic()
@@ -113,7 +114,7 @@ def fuzz(name: str, count: int, seed: int, out: Path, most_s: float) -> dict[str
                 if kind not in findings:
                     out.mkdir(parents=True, exist_ok=True)
                     (out / f"{name}-{len(findings)}{reader.suffix}").write_bytes(content)
-                    print(f"{name}: {outcome.finding}", flush=True)
+                    print(f"{name}: {outcome.finding[:300]}", flush=True)
                 findings[kind] = findings.get(kind, 0) + 1
     return {
         "reader": name,

@@ -138,6 +138,7 @@ def _network(file: Path) -> object:
 def _additional(file: Path) -> object:
     from sumo_net.configuration import without_outputs
 
+    (file.parent / "other.add.xml").write_text("<additional/>")
     made = Path(without_outputs(file, file.parent / "work"))
     if made != file and file.parent / "work" not in made.parents:
         raise AssertionError(f"wrote {made}")
@@ -145,15 +146,19 @@ def _additional(file: Path) -> object:
 
 
 _NET = b"""<net version="1.20"><location netOffset="0.00,0.00" convBoundary="0,0,200,0"/>
-<edge id=":b_0" function="internal"><lane id=":b_0_0" index="0" speed="13.9" length="5.00" shape="98,0 103,0"/></edge>
+<edge id=":b_0" function="internal">
+<lane id=":b_0_0" index="0" speed="13.9" length="5.00" shape="98,0 103,0"/></edge>
 <edge id="a" from="x" to="b"><lane id="a_0" index="0" speed="13.9" length="98.00" shape="0,0 98.00,0.00"/>
-<lane id="a_1" index="1" speed="13.9" width="2.50" length="98.00" disallow="tram" shape="0,3.20 98.00,3.20"/></edge>
-<edge id="c" from="b" to="y"><lane id="c_0" index="0" speed="13.9" length="97" shape="103,0 150,4,1.5 200,20"/></edge>
+<lane id="a_1" index="1" speed="13.9" width="2.50" length="98.00" disallow="tram"
+shape="0,3.20 98.00,3.20"/></edge>
+<edge id="c" from="b" to="y">
+<lane id="c_0" index="0" speed="13.9" length="97" shape="103,0 150,4,1.5 200,20"/></edge>
 <connection from="a" to="c" fromLane="0" toLane="0" via=":b_0_0" dir="s" state="M"/>
 <connection from=":b_0" to="c" fromLane="0" toLane="0" dir="s" state="M"/></net>"""
 _ADDITIONAL = b"""<additional><inductionLoop id="e1" lane="a_0" pos="10" period="60" file="out/../loop.xml"/>
 <include href="other.add.xml"/><edgeData id="d" file="/tmp/edge.xml" period="60"/>
-<vType id="t"><param key="device.ssm.file" value="../ssm.xml"/></vType><poly id="p" imgFile="x.png"/></additional>"""
+<vType id="t"><param key="device.ssm.file" value="../ssm.xml"/></vType>
+<poly id="p" imgFile="x.png"/></additional>"""
 _SCENARIO = b"""title = "My road"
 duration_s = 30.0
 seed = 4

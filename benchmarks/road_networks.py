@@ -1,7 +1,8 @@
 """Networks of many shapes, made with netgenerate and netconvert, with traffic of all classes on them.
 
-What a user's network may hold that the built-in highway does not: junctions, roundabouts, ramps, lanes that end,
-odd widths, traffic that keeps left, geographic projection, tracks, pavements, hairpins, lanes of centimetres.
+What a user's network may hold that the built-in highway does not: junctions, roundabouts, ramps, lanes that
+end, odd widths, traffic that keeps left, geographic projection, tracks, pavements, hairpins, lanes of
+centimetres.
 """
 
 import math
@@ -204,14 +205,15 @@ def write_traffic(net_file: Path, routes: Path, duration_s: float, trips: int = 
             stop = f'<stop lane={quoteattr(lane)} duration="3" parking="{parks}"{jump}/>'
         lines.append(
             f'<trip id="{kind}_{k}" type="{kind}" depart="{depart:.1f}" from={quoteattr(str(source))}'
-            f' to={quoteattr(str(target))} departLane="free" departSpeed="max" departPos="random_free">{stop}</trip>'
+            f' to={quoteattr(str(target))} departLane="free" departSpeed="max" departPos="random_free">'
+            f"{stop}</trip>"
         )
     lines.append("</routes>")
     routes.write_text("\n".join(lines), encoding="utf-8")
 
 
 def write_scenario(name: str, directory: Path, duration_s: float = 30.0, trips: int = 60) -> Path:
-    """Make the network `name` and its traffic in `directory`; gives the .sumocfg. Vehicles jam and teleport."""
+    """Make the network `name` and its traffic in `directory`; gives the .sumocfg. Jams end in teleports."""
     directory.mkdir(parents=True, exist_ok=True)
     net_file, routes = directory / f"{name}.net.xml", directory / f"{name}.rou.xml"
     NETWORKS[name](net_file)

@@ -145,7 +145,7 @@ def seconds(text: str) -> float:
 
 
 def without_outputs(path: Path, directory: Path) -> str:
-    """The path itself where an XML file names no output, else that of a copy whose outputs lie in `directory`.
+    """The path itself where an XML file names no output, else that of a copy with outputs in `directory`.
 
     Raises SettingsError: not XML, XML entities, more than a GiB, includes without end.
     """

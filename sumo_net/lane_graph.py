@@ -150,7 +150,7 @@ class _Reader:
             raise ValueError(f"lane '{given['id']}': length = {length}: must be above 0")
         drawn = float(np.hypot(*np.diff(shape, axis=0).T).sum())
         if not drawn <= min(MOST_LENGTH_M, max(1000.0, _MOST_STRETCH * length)):
-            raise ValueError(f"lane '{given['id']}' has a shape of {drawn:.0f} m and a length of {length:g} m")
+            raise ValueError(f"lane '{given['id']}' has a shape of {drawn:.0f} m, a length of {length:g} m")
         if not (width >= 0 and math.isfinite(width)):
             raise ValueError(f"lane '{given['id']}': width = {width}: must not be below 0")
         if len(self.graph.lanes) < 1000:

@@ -34,7 +34,9 @@ class Roadside:
     rail_side: Literal["left", "right", "both", "none"] = Field("left", description="where guard rails run")
     rail_spacing_m: float = Field(20.0, ge=0, description="between points of a rail that reflect")
     rail_clearance_m: float = Field(0.4, ge=0, le=10, description="from the asphalt's edge to the rail")
-    parked_per_km: float = Field(0.3, ge=0, le=100, description="cars at the roadside, where traffic keeps, mean")
+    parked_per_km: float = Field(
+        0.3, ge=0, le=100, description="cars at the roadside, where traffic keeps, mean"
+    )
     parked_clearance_m: float = Field(
         0.35, ge=0.2, le=5, description="from the right lane's border to a parked car"
     )

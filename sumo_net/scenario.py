@@ -93,14 +93,17 @@ def list_scenarios() -> list[tuple[str, str]]:
     return [(name, str(read_toml(path).get("title", ""))) for name, path in scenario_files().items()]
 
 
-def scenario_mapping(source: str) -> tuple[dict[str, Any], Path]:
+def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[str, Any], Path]:
     """The settings behind a built-in name, a .toml or a .sumocfg (or .net.xml), and the file they are from.
 
     Also behind the configuration.json that a run wrote beside its tables.
 
-    Paths in them are made absolute: they are relative to the file. Raises SettingsError.
+    Paths in them are made absolute: they are relative to the file. `within`: files that name this one as what
+    they are based on. Raises SettingsError.
     """
     path = Path(source)
+    if "\0" in source:
+        raise SettingsError(f"scenario {source!r}: is no name of a file")
     if source.endswith((".sumocfg", ".net.xml", ".net.xml.gz")):
         if not path.is_file():
             raise SettingsError(f"{source}: no such file")
@@ -121,18 +124,22 @@ def scenario_mapping(source: str) -> tuple[dict[str, Any], Path]:
         path = files[source]
     mapping = read_toml(path)
     if path.name.endswith(REGRESSION):
-        return _based_on(mapping, path)
+        if path.resolve() in within:
+            raise SettingsError(f"{path}: scenario = {mapping.get('scenario')!r}: is based on itself")
+        return _based_on(mapping, path, (*within, path.resolve()))
     for key in ("configuration", "net_file"):
         if isinstance(mapping.get(key), str) and mapping[key]:
+            if "\0" in mapping[key]:
+                raise SettingsError(f"{path}: {key} = {mapping[key]!r}: is no name of a file")
             mapping[key] = str((path.parent / mapping[key]).resolve())
     return mapping, path
 
 
-def _based_on(mapping: dict[str, Any], path: Path) -> tuple[dict[str, Any], Path]:
+def _based_on(mapping: dict[str, Any], path: Path, within: tuple[Path, ...]) -> tuple[dict[str, Any], Path]:
     """A regression's world: its `settings` laid over the scenario that it names."""
     name = str(mapping.get("scenario", DEFAULT_SCENARIO))
     beside = path.parent / name
-    base, _ = scenario_mapping(str(beside) if Path(name).suffix and beside.is_file() else name)
+    base, _ = scenario_mapping(str(beside) if Path(name).suffix and beside.is_file() else name, within)
     changes = mapping.get("settings", {})
     if not isinstance(changes, dict):
         raise SettingsError(f"{path}: settings = {changes!r}: must be a table")

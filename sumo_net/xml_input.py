@@ -64,7 +64,10 @@ def root_element(file: Path) -> tuple[str, dict[str, str]]:
 
 
 def read_bounded(file: Path, most_bytes: int = MOST_BYTES) -> bytes:
-    """A file's bytes, unpacked where it is gzip. Raises XmlInputError above `most_bytes`; OSError, EOFError."""
+    """A file's bytes, unpacked where it is gzip.
+
+    Raises XmlInputError above `most_bytes`; OSError, EOFError, zlib.error.
+    """
     with gzip.open(file) if is_packed(file) else file.open("rb") as text:
         content = text.read(most_bytes + 1)
     if len(content) > most_bytes:

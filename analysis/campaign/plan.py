@@ -5,6 +5,7 @@ import functools
 import hashlib
 import itertools
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from plugin.schema import TABLES
 from sumo_net.randomness import generator
 from sumo_net.settings import SettingsError, read, read_toml, settings
 
+MOST_RUNS = 100_000  # each is checked before the first one begins
 _OWN = ("seed", "duration_s")  # have their places in the file
 
 
@@ -173,6 +175,9 @@ def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") ->
     scenarios = [_scenario(name, folder) for name in campaign.scenarios]
     if len(set(scenarios)) < len(scenarios):
         raise SettingsError(f"{source}: scenarios: one is given twice")
+    count = len(numbers) * math.prod(map(len, (scenarios, *campaign.grid.values())))
+    if count > MOST_RUNS:
+        raise SettingsError(f"{source}: asks for {count} runs: at most {MOST_RUNS}")
     cells: list[dict[str, Any]] = []
     runs, recorded, hashes = [], 0.0, []
     contents = functools.cache(_contents)
