@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX
+from sumo_net.settings import InputError
 from sumo_net.start_up import standard_error
 
 Array = np.ndarray[Any, Any]
@@ -22,7 +23,7 @@ MOST_PIXELS = 10**8  # of a picture; a video of 8K has a third of it
 MOST_BYTES = 2**30  # of an image's file
 
 
-class FootageError(ValueError):
+class FootageError(InputError):
     """What is wrong with a recording, in one line."""
 
 

@@ -19,6 +19,7 @@ from plugin.schema import Column
 from plugin.tracking import classification
 from plugin.tracking.detections import Detections, EgoMotion
 from plugin.tracking.tracker import Tracker, TrackerSettings, TrackList
+from sumo_net.settings import InputError
 
 Array = np.ndarray[Any, Any]
 
@@ -59,7 +60,7 @@ COLUMNS = (
 )
 
 
-class LogError(ValueError):
+class LogError(InputError):
     """What is wrong with a log; says file, line and column."""
 
 

@@ -153,6 +153,13 @@ def _tracks() -> Callable[[Path], None]:
     return netconvert(nodes, edges, "--crossings.guess", "--walkingareas")
 
 
+def _wide_junction() -> Callable[[Path], None]:
+    ends = {"w": (-250, 0), "e": (250, 0), "s": (0, -250), "n": (0, 250)}
+    nodes = [_node(name, *at) for name, at in ends.items()]
+    nodes.append(_node("m", 0, 0, 'radius="110" type="traffic_light_unregulated"'))
+    return netconvert(nodes, [line for name in ends for line in _both(f"{name}m", name, "m")])
+
+
 _CITY = ("--grid", "--grid.number", "3", "--grid.length", "110")
 NETWORKS: dict[str, Callable[[Path], None]] = {
     "grid": netgenerate(*_CITY, "-L", "2", "-j", "traffic_light"),
@@ -169,6 +176,7 @@ NETWORKS: dict[str, Callable[[Path], None]] = {
     "hairpins": _hairpins(),
     "short": _short(),
     "tracks": _tracks(),
+    "wide_junction": _wide_junction(),
     "no_internal": netgenerate(*_CITY, "-L", "2", "--no-internal-links"),
     "u_turns": netgenerate(
         "--spider", "--spider.arm-number", "3", "--spider.circle-number", "1", "--spider.omit-center"

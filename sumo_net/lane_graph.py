@@ -10,6 +10,7 @@ from xml.parsers import expat
 import numpy as np
 
 from sumo_net.road_table import Array
+from sumo_net.settings import InputError
 from sumo_net.xml_input import Bounded
 
 MOST_LENGTH_M = 200_000.0  # of a lane: its curve is sampled every half metre
@@ -18,7 +19,7 @@ DEFAULT_WIDTH_M = 3.2  # SUMO's, where a lane gives none
 _STRAIGHT_FIRST = {"s": 0, "l": 1, "r": 1, "L": 1, "R": 1, "t": 9}  # how far a connection's direction turns
 
 
-class NetworkError(ValueError):
+class NetworkError(InputError):
     """A network file that cannot be used; the message names the file."""
 
 

@@ -22,7 +22,14 @@ _DEEPEST = 50  # tables and lists within each other
 _CONFIG = pydantic.ConfigDict(extra="forbid", arbitrary_types_allowed=False, allow_inf_nan=False)
 
 
-class SettingsError(ValueError):
+class InputError(ValueError):
+    """What is wrong with something that a user handed in. Its message cannot steer a terminal."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__("".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message))
+
+
+class SettingsError(InputError):
     """What a user's settings got wrong, a finding a line."""
 
 
@@ -41,6 +48,8 @@ def read(cls: type[T], mapping: Mapping[str, Any], source: str) -> T:
 
     Raises SettingsError that names `source`, the dotted key, the value and what is allowed.
     """
+    if not isinstance(mapping, Mapping):
+        raise SettingsError(f"{source}: {str(mapping)[:80]!r}: must be a table of settings")
     try:
         return pydantic.TypeAdapter(cls).validate_python(dict(mapping))
     except pydantic.ValidationError as error:

@@ -18,7 +18,7 @@ from analysis.footage import FootageError, frames, open_footage, read_picture
 from analysis.radar_formats import load
 from analysis.radar_log import LogError
 from benchmarks.fuzz_readers import READERS, film
-from plugin.configuration import load_configuration
+from plugin.configuration import load_configuration, read_camera
 from sumo_net import lane_graph, xml_input
 from sumo_net.configuration import prepare_configuration, without_outputs
 from sumo_net.demand import read_net
@@ -56,6 +56,24 @@ def test_a_scenario_that_is_based_on_itself(tmp_path: Path) -> None:
     (tmp_path / "b.scenario.toml").write_text('scenario = "a.scenario.toml"')
     with pytest.raises(SettingsError, match="is based on itself"):
         load_configuration(str(tmp_path / "a.scenario.toml"))
+
+
+@pytest.mark.parametrize("text", ["camera = 1.0", "camera = [1]", "camera = 'x'", "camera = 1979-05-27"])
+def test_a_camera_that_is_no_table(tmp_path: Path, text: str) -> None:
+    (tmp_path / "camera.toml").write_text(text)
+    with pytest.raises(SettingsError, match="must be a table of settings"):
+        read_camera(tmp_path / "camera.toml")
+
+
+def test_no_message_can_steer_the_terminal(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text('"dur\\u001b[31mation" = 1\n[script]\n')
+    with pytest.raises(SettingsError, match=r"dur\\x1b") as refused:
+        load_configuration(str(tmp_path / "a.toml"))
+    assert str(refused.value).replace("\n", "").isprintable()
+    (tmp_path / "a.net.xml").write_bytes(NET.replace(b'"a_0"', b'"a_\x7f"').replace(b"98.00,0.00", b"1e9,0"))
+    with pytest.raises(lane_graph.NetworkError) as mistaken:
+        lane_graph.read(tmp_path / "a.net.xml")
+    assert str(mistaken.value).isprintable()
 
 
 def test_a_path_that_is_none(tmp_path: Path) -> None:
@@ -125,11 +143,8 @@ def test_an_include_of_itself_and_outputs_that_hide(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="is included by itself"):
         without_outputs(loop, tmp_path / "work")
     hidden = tmp_path / "hidden.add.xml"
-    hidden.write_bytes(
-        '<?xml version="1.0" encoding="utf-16"?><additional><e1Detector id="a" file="../../x"/></additional>'.encode(
-            "utf-16"
-        )
-    )
+    text = '<?xml version="1.0" encoding="utf-16"?><additional><e1Detector id="a" file="../../x"/></additional>'
+    hidden.write_bytes(text.encode("utf-16"))
     light = tmp_path / "light.add.xml"
     light.write_text(
         '<additional><tlLogic id="j"><param key="file" value="/tmp/x.xml"/></tlLogic></additional>'

@@ -31,7 +31,6 @@ def written(tmp_path, text):
         (net(edge("a")).replace("</net>", ""), "not well-formed XML"),
         ("", "not well-formed XML"),
         ("no network at all", "not well-formed XML"),
-        (net(edge("a")).replace("<net ", '<net lefthand="true" '), "lefthand = true: not supported"),
         ("<routes/>", "its root is <routes>, not <net>"),
         (net(), "no lane that passenger cars may use"),
         (net(edge("a", access='allow="bus tram"')), "no lane that passenger cars may use"),

@@ -1,0 +1,111 @@
+"""Runs on networks of many shapes: does one break, is anything not known without saying so?
+
+    python benchmarks/networks.py [--duration 30] [--networks grid tracks] [--configuration mine.sumocfg]
+
+A row a network: equipped vehicles (20 % of the cars, and every bus, lorry, motorcycle, bicycle and tram), how often
+the lane was seen where markings were and where none were, warnings, how far from its lane a vehicle came at most.
+Exit status 1 where a run broke or a rule of `faults` did not hold.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+ALWAYS = (
+    "time_s",
+    "speed_mps",
+    "true_x_m",
+    "true_y_m",
+    "true_lateral_offset_m",
+    "true_lane_width_m",
+    "true_heading_error_rad",
+    "true_lateral_speed_mps",
+    "true_yaw_rate_rps",
+    "lane_score",
+)
+SEEN = ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "lane_width_m")
+
+
+def faults(steps: pd.DataFrame) -> list[str]:
+    """Which rules about what is known, and what is not, a table of steps breaks."""
+    found = []
+    for name in ALWAYS:
+        if steps[name].isna().any():
+            found.append(f"{name} is empty in {int(steps[name].isna().sum())} rows")
+    numbers = steps.select_dtypes("number")
+    for name in numbers.columns[np.isinf(numbers).any()]:
+        found.append(f"{name} is infinite")
+    locked = steps["lane_locked"].astype(bool)
+    for name in SEEN:
+        differs = int((steps[name].notna() != locked).sum())
+        if differs:
+            found.append(f"{name} is there without the lane, or the other way round, in {differs} rows")
+    for name in ("left_c", "right_c"):  # a border may run beside the picture
+        ghosts = int((steps[name].notna() & ~locked).sum())
+        if ghosts:
+            found.append(f"{name} is there without the lane in {ghosts} rows")
+    blind = steps["lateral_speed_mps"].isna() & steps["ldw_state"].isin(["ready", "suppressed"])
+    if blind.any():
+        found.append(f"ready, with no motion known, in {int(blind.sum())} rows")
+    unseen = (steps["ldw_state"] == "lane not seen") & steps["tlc_s"].notna()
+    if unseen.any():
+        found.append(f"lane not seen, and yet a time to its crossing, in {int(unseen.sum())} rows")
+    return found
+
+
+def row(name: str, out: Path, cpu_s: float) -> dict[str, object]:
+    """Figures of a run's tables."""
+    steps = pd.read_csv(out / "steps.csv", low_memory=False)
+    moving = steps[steps["speed_mps"] > 3.0]
+    marked = moving["on_marked_road"].astype(bool)
+    return {
+        "network": name,
+        "vehicles": steps["vehicle_id"].nunique(),
+        "rows": len(steps),
+        "seen_%": round(100 * moving["lane_locked"][marked].mean(), 1),
+        "seen_unmarked_%": round(100 * moving["lane_locked"][~marked].mean(), 1),
+        "unmarked_%": round(100 * (~marked).mean(), 1),
+        "warned_unmarked": int((moving["ldw_active"][~marked]).sum()),
+        "over_2m_off_%": round(100 * (steps["true_lateral_offset_m"].abs() > 2.0).mean(), 2),
+        "most_off_m": round(steps["true_lateral_offset_m"].abs().max(), 1),
+        "cpu_s": round(cpu_s, 1),
+        "faults": "; ".join(faults(steps)),
+    }
+
+
+def main() -> None:
+    """Run, print the table."""
+    from analysis.simulate import simulate
+    from benchmarks.road_networks import NETWORKS, write_scenario
+
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--duration", type=float, default=30.0)
+    parser.add_argument("--networks", nargs="*", default=list(NETWORKS), choices=list(NETWORKS))
+    parser.add_argument("--configuration", type=Path, nargs="*", default=[], help="a .sumocfg beside them")
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="sumo-adas-networks-") as work:
+        jobs = [(name, None) for name in given.networks] + [(file.stem, file) for file in given.configuration]
+        for name, file in jobs:
+            out, began = Path(work) / name / "out", time.process_time()
+            try:
+                source = file or write_scenario(name, Path(work) / name, given.duration)
+                simulate(
+                    str(source), out, duration_s=given.duration, fraction=0.2, quiet=True, seed=given.seed
+                )
+                rows.append(row(name, out, time.process_time() - began))
+            except Exception as error:
+                rows.append({"network": name, "faults": f"{type(error).__name__}: {error}"})
+            print(rows[-1], file=sys.stderr, flush=True)
+    print(pd.DataFrame(rows).to_string(index=False))
+    raise SystemExit(1 if any(one["faults"] for one in rows) else 0)
+
+
+if __name__ == "__main__":
+    main()
