@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip --disable-pip-version-check
 
-.PHONY: demo test browser library protocols lint format evaluate bench soak faults docs pictures reference wheel-test clean
+.PHONY: demo test browser library protocols lint format evaluate bench soak faults networks fuzz docs pictures reference wheel-test clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/sumo-adas run highway --out out/demo --seed 1
@@ -65,6 +65,12 @@ pictures: $(VENV)/.runtime
 
 wheel-test: $(VENV)/.dev
 	.ci/wheel $(PYTHON)
+
+networks: $(VENV)/.runtime
+	$(BIN)/python -m benchmarks.networks
+
+fuzz: $(VENV)/.dev
+	$(BIN)/python -m benchmarks.fuzz --inputs 100000 --out out/fuzz
 
 clean:
 	rm -rf out build dist *.egg-info

@@ -20,6 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
+ALL = ("scenario", "campaign", "camera", "expect", "protocol", "radar_csv", "udacity", "comma2k19")
+ALL += ("network", "additional", "image_png", "image_jpg", "image_bmp", "image_tiff", "video")
 OWN = ("sumo_net", "camera_synth", "plugin", "analysis")
 _TOKEN = re.compile(rb"[A-Za-z_][\w.]*|-?\d+\.?\d*(?:e-?\d+)?|\s+|.", re.DOTALL)
 
@@ -184,14 +186,11 @@ def _child(name: str, out: Path, count: int, seed: int, most_s: float) -> None:
 
 def main() -> None:
     """Fuzz the readers named, print a line each, write the counts."""
-    from benchmarks.fuzz_readers import READERS
-
-    media = ("protocol", "image_png", "image_jpg", "image_bmp", "image_tiff", "video")
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--inputs", type=int, default=100_000, help="for each reader")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--most-s", type=float, default=3600.0, help="for each reader, real time")
-    parser.add_argument("--readers", nargs="*", default=[*READERS, *media])
+    parser.add_argument("--readers", nargs="*", default=ALL)
     parser.add_argument("--engine", choices=("mutate", "atheris"), default="mutate")
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"))
     parser.add_argument("--child", nargs=2, metavar=("READER", "OUT"), help=argparse.SUPPRESS)

@@ -2,9 +2,10 @@
 
     python benchmarks/networks.py [--duration 30] [--networks grid tracks] [--configuration mine.sumocfg]
 
-A row a network: equipped vehicles (20 % of the cars, and every bus, lorry, motorcycle, bicycle and tram), how often
-the lane was seen where markings were and where none were, warnings, how far from its lane a vehicle came at most.
-Exit status 1 where a run broke or a rule of `faults` did not hold.
+A row a network: equipped vehicles (20 % of the cars, and every bus, lorry, motorcycle, bicycle and tram),
+how often those that moved saw the lane where markings were beside them and where none were, warnings there,
+how far from its lane a vehicle came at most. Exit status 1 where a run broke or a rule of `faults` did not
+hold.
 """
 
 import argparse

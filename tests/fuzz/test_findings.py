@@ -143,7 +143,9 @@ def test_an_include_of_itself_and_outputs_that_hide(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="is included by itself"):
         without_outputs(loop, tmp_path / "work")
     hidden = tmp_path / "hidden.add.xml"
-    text = '<?xml version="1.0" encoding="utf-16"?><additional><e1Detector id="a" file="../../x"/></additional>'
+    text = (
+        '<?xml version="1.0" encoding="utf-16"?><additional><e1Detector id="a" file="../../x"/></additional>'
+    )
     hidden.write_bytes(text.encode("utf-16"))
     light = tmp_path / "light.add.xml"
     light.write_text(

@@ -10,14 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.fuzz import fuzz
+from benchmarks.fuzz import ALL, fuzz
 from benchmarks.fuzz_readers import READERS, attempt
 
 SLOW = {"radar_csv": 25, "udacity": 25, "comma2k19": 25, "network": 40, "campaign": 40, "video": 15}
-MEDIA = ("protocol", "image_png", "image_jpg", "image_bmp", "image_tiff", "video")
 
 
-@pytest.mark.parametrize("name", [*READERS, *MEDIA])
+@pytest.mark.parametrize("name", ALL)
 def test_input_made_from_valid_one(name: str, tmp_path: Path) -> None:
     count = SLOW.get(name, 60)
     report = fuzz(name, count, seed=11, out=tmp_path, most_s=60.0)

@@ -1,4 +1,4 @@
-"""Runs on networks that nobody drew for this project, with vehicles of all classes; `make networks` has more."""
+"""Runs on networks that nobody drew for this project, with all classes; `make networks` has more."""
 
 import subprocess
 from pathlib import Path
@@ -58,7 +58,12 @@ def test_a_fault_is_found() -> None:
     row |= {"ldw_state": "lane not seen", "lateral_speed_mps": np.inf}
     steps = pd.DataFrame([row]).reindex(columns=[*row, *_others(row)])
     found = " ".join(faults(steps))
-    for words in ("speed_mps is empty", "lateral_speed_mps is infinite", "lateral_offset_m is there", "and yet"):
+    for words in (
+        "speed_mps is empty",
+        "lateral_speed_mps is infinite",
+        "lateral_offset_m is there",
+        "and yet",
+    ):
         assert words in found
 
 

@@ -19,7 +19,12 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Keeping right, and the same upside down keeping left."""
     folder, files = tmp_path_factory.mktemp("sides"), []
     for name, sign in (("right", 1), ("left", -1)):
-        nodes = [_node("a", 0, 0), _node("b", 300, sign * 40), _node("c", 600, 0), _node("d", 300, sign * 300)]
+        nodes = [
+            _node("a", 0, 0),
+            _node("b", 300, sign * 40),
+            _node("c", 600, 0),
+            _node("d", 300, sign * 300),
+        ]
         edges = [*_both("ab", "a", "b"), _edge("bc", "b", "c", 3, inside=BUS_LANE)]
         edges += [_edge("cb", "c", "b", 2), *_both("bd", "b", "d", 2)]
         files.append(folder / f"{name}.net.xml")
@@ -35,7 +40,9 @@ def test_lanes_are_counted_from_the_right(both: tuple[Path, Path]) -> None:
         assert [graph.lanes[lane].index for lane in order] == [0, 1, 2]
 
 
-@pytest.mark.parametrize("lane", ["ab_0", "ab_back_0", "bc_0", "bc_1", "bc_2", "cb_0", "cb_1", "bd_0", "bd_1"])
+@pytest.mark.parametrize(
+    "lane", ["ab_0", "ab_back_0", "bc_0", "bc_1", "bc_2", "cb_0", "cb_1", "bd_0", "bd_1"]
+)
 def test_markings_are_mirrored(both: tuple[Path, Path], lane: str) -> None:
     right, left = (Markings(lane_graph.read(file), 0.5, 0.5).section(lane) for file in both)
     kept, mirrored = (np.isfinite(section.border_offset_m) for section in (right, left))
