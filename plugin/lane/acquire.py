@@ -123,10 +123,11 @@ def ridge_points(frame, rows, p, t, noise, work, ridge, point):  # type: ignore[
 
 
 @kernel
-def vote(point, found, t, bins, smooth, starts, score):  # type: ignore[no-untyped-def]
+def vote(point, found, about, t, bins, smooth, starts, score):  # type: ignore[no-untyped-def]
     """Put the best-voted arcs, each of another curvature, into starts (STARTS, STATES), best first.
 
-    Arcs are laid out by their direction at MIDDLE_M, about which heading and curvature hardly trade. Their
+    Headings are tried around `about`. Arcs are laid out by their direction at MIDDLE_M, about which heading
+    and curvature hardly trade. Their
     votes go into score (STARTS,); 0 where there are no more.
     """
     count = 2 * HALF_BINS + 1
@@ -139,7 +140,7 @@ def vote(point, found, t, bins, smooth, starts, score):  # type: ignore[no-untyp
         curvature = (k - CURVATURES // 2) * CURVATURE_STEP
         best = 0.0
         for h in range(HEADINGS):
-            heading = (h - HEADINGS // 2) * HEADING_STEP
+            heading = about + (h - HEADINGS // 2) * HEADING_STEP
             direction = curvature * MIDDLE_M - heading
             # the arc passes the vehicle this far left of where it is at MIDDLE_M
             back = -MIDDLE_M * (direction - 0.5 * curvature * MIDDLE_M)

@@ -75,13 +75,15 @@ def room_for(rows):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lean_to_lane(predicted, t, work, scratch):  # type: ignore[no-untyped-def]
-    """Add to the prior that a car mostly drives along its lane: heading 0 ± start_heading_std."""
+def lean_to_lane(predicted, about, t, work, scratch):  # type: ignore[no-untyped-def]
+    """Add to the prior that a car mostly drives along its lane: heading `about` ± start_heading_std."""
     for i in range(STATES):
         scratch[i] = 0.0
         for j in range(STATES):
             scratch[i] += work.prior[i, j] * predicted[j]
-    work.prior[HEADING, HEADING] += 1.0 / (t.start_heading_std * t.start_heading_std)
+    sure = 1.0 / (t.start_heading_std * t.start_heading_std)
+    work.prior[HEADING, HEADING] += sure
+    scratch[HEADING] += sure * about
     if not cholesky(work.prior, work.factor):
         return False
     solve(work.factor, scratch)
@@ -90,10 +92,10 @@ def lean_to_lane(predicted, t, work, scratch):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def start(frame, left, right, given, rows, p, speed, t, work, room, x, P):  # type: ignore[no-untyped-def]
+def start(frame, left, right, given, about, rows, p, speed, t, work, room, x, P):  # type: ignore[no-untyped-def]
     """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane.
 
-    left, right: the search's a, b, c of this vehicle where `given`.
+    left, right: the search's a, b, c of this vehicle where `given`. about: the heading to be expected, rad.
     """
     best = 0
     trial, predicted = room.trial, room.predicted
@@ -101,7 +103,7 @@ def start(frame, left, right, given, rows, p, speed, t, work, room, x, P):  # ty
     place_borders(trial, 0.0, rows, p, t, work)
     noise = pixel_noise(frame, rows, work)
     found = ridge_points(frame, rows, p, t, noise, work, room.ridge, room.point)
-    vote(room.point, found, t, room.bins, room.smooth, room.starts, room.score)
+    vote(room.point, found, about, t, room.bins, room.smooth, room.starts, room.score)
     for attempt in range(STARTS + 1):
         if attempt == STARTS:
             if not given:
@@ -128,7 +130,7 @@ def start(frame, left, right, given, rows, p, speed, t, work, room, x, P):  # ty
         if not invert(P, work.factor, work.prior):
             continue
         predict_spread(trial, P, 0.0, rows, p, t, work)
-        if not lean_to_lane(predicted, t, work, room.x):
+        if not lean_to_lane(predicted, about, t, work, room.x):
             continue
         noise = pixel_noise(frame, rows, work)
         gather(frame, rows, t, noise, work)

@@ -24,6 +24,7 @@ from plugin.lane.refine_kernels import (
     parabola_kernel,
     step_kernel,
 )
+from plugin.lane.rival import RIVAL
 from plugin.lane.road_model import STATES, rows_to_read
 from sumo_net.settings import settings
 
@@ -115,6 +116,11 @@ class Tuning(NamedTuple):
     start_heading_std: float = 0.02
     jump_m: float = 0.5
     jump_rad: float = 0.03
+    proven_frames: int = 10  # with both borders, from which on a lane is believed against another look
+    rival_m: float = 0.3  # by so much, and `gate` standard deviations, such a look may differ
+    rival_rad: float = 0.015
+    rival_width_m: float = 0.4
+    rival_looks: int = 5  # in which a lane that differs must be the same to be believed
 
 
 class LaneState(NamedTuple):
@@ -131,6 +137,8 @@ class LaneState(NamedTuple):
     beside: Array  # (n, 2) share of rows where the outer line of the lane to the left, right was seen lately
     reach_m: Array  # (n,) how far ahead paint was seen lately
     share: Array  # (n, 2) what that usually is on this road
+    proof: Array  # (n,) int32 frames since the start in which both borders were seen
+    rival: Array  # (n, RIVAL) another lane that was found lately, of `plugin.lane.rival`
 
 
 def init(n: int) -> LaneState:
@@ -147,6 +155,8 @@ def init(n: int) -> LaneState:
         np.zeros((n, 2)),
         np.zeros(n),
         np.zeros((n, 2)),
+        np.zeros(n, np.int32),
+        np.zeros((n, RIVAL)),
     )
 
 

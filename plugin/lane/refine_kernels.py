@@ -9,6 +9,7 @@ from plugin.lane.hidden import outline
 from plugin.lane.lane_motion import predict, shift_lane
 from plugin.lane.lane_start import room_for, start
 from plugin.lane.refine_fit import farthest_found, fit, gather, invert, predict_spread, tally, workspace
+from plugin.lane.rival import LOOKS, carry, contradicts, prove
 from plugin.lane.road_model import (
     FURTHEST_M,
     HEADING,
@@ -57,7 +58,9 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
         x, P = new.x[i], new.P[i]
         x[:], P[:, :] = old.x[i], old.P[i]
         phase, status = old.phase[i], old.status[i]
-        misses, age = old.misses[i], old.age[i]
+        misses, age, proof = old.misses[i], old.age[i], old.proof[i]
+        rival = new.rival[i]
+        rival[:] = old.rival[i]
         shift = 0
         work.hidden[:, :] = hidden[i]
         outline(frames[i], work.hidden, p)
@@ -65,8 +68,10 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
         new.share[i, :] = old.share[i]
         new.beside[i, :] = old.beside[i]
         if status == SEARCHING:
-            misses, age, phase = 0, 0, 0.0
-            support = start(frames[i], left[i], right[i], given[i], rows, p, speed[i], t, work, room, x, P)
+            misses, age, proof, phase = 0, 0, 0, 0.0
+            support = start(
+                frames[i], left[i], right[i], given[i], 0.0, rows, p, speed[i], t, work, room, x, P
+            )
             if support > 0:
                 seen_left, seen_right = True, True
                 status = LOCKED if support >= t.lock_rows else TENTATIVE
@@ -77,6 +82,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
         else:
             age += 1
             phase = predict(x, P, phase, speed[i] * t.step_s, t)
+            carry(rival, speed[i] * t.step_s)
             before[:] = x
             good = invert(P, work.factor, work.prior)
             predict_spread(x, P, phase, rows, p, t, work)
@@ -138,13 +144,16 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
         for side in range(2):
             seen_lately = max(new.found[i, side], old.found[i, side])
             doubtful = doubtful or seen_lately < 0.6 * new.share[i, side]
-        if status != SEARCHING and second_look(status, age, misses, doubtful):
+        proof += int(seen_left and seen_right)
+        proven = proof >= t.proven_frames
+        if status != SEARCHING and (rival[LOOKS] > 0.0 or second_look(status, age, misses, doubtful)):
             support = support_of(work) if seen_left or seen_right else 0
             fresh = start(
                 frames[i],
                 left[i],
                 right[i],
                 np.bool_(False),
+                x[HEADING] if proven else 0.0,
                 rows,
                 p,
                 speed[i],
@@ -156,8 +165,16 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
             )
             aside = abs(abs(room.x[OFFSET] - x[OFFSET]) - x[WIDTH])
             beside = misses == 0 and aside < NEXT_LANE_M  # the same lines, taken for those of the next lane
-            if fresh > 1.3 * support + 4 and not beside:
+            better = fresh > 1.3 * support + 4 and not beside
+            if better and proven and contradicts(room.x, x, P, t):
+                better = prove(rival, room.x, x, t)
+                if better:
+                    proof = 0
+            else:
+                rival[LOOKS] = max(rival[LOOKS] - 1.0, 0.0)
+            if better:
                 x[:], P[:, :], phase = room.x, room.P, 0.0
+                rival[LOOKS] = 0.0
                 misses, seen_left, seen_right = 0, True, True
                 if fresh >= t.lock_rows:
                     status = LOCKED
@@ -166,10 +183,13 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
             status = SEARCHING
         new.one_sided[i] = one_sided if status != SEARCHING else 0
         new.phase[i], new.status[i], new.misses[i], new.age[i] = phase, status, misses, age
+        new.proof[i] = proof
         if status == SEARCHING:
             new.found[i, :] = 0.0
             new.share[i, :] = 0.0
             new.beside[i, :] = 0.0
+            rival[:] = 0.0
+            proof = 0
             x[:] = 0.0
             P[:, :] = 0.0
         new.reach_m[i] = max(seen_m, 0.9 * old.reach_m[i]) if status != SEARCHING else 0.0
