@@ -78,7 +78,9 @@ def read_bounded(file: Path, most_bytes: int = MOST_BYTES) -> bytes:
 class Bounded(io.RawIOBase):
     """A stream that may not give more than `most_bytes`, for parsers that read in pieces."""
 
-    def __init__(self, stream: IO[bytes], file: Path, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(
+        self, stream: IO[bytes] | io.BufferedIOBase, file: Path, most_bytes: int = MOST_BYTES
+    ) -> None:
         self._stream, self._file, self._left = stream, file, most_bytes
         self._most = most_bytes
 
