@@ -32,7 +32,7 @@ def comma2k19(path: Path) -> pd.DataFrame:
     radar, speed, gyro = (_table(folder / name, columns) for name, columns in _COMMA2K19.items())
     if len(speed) < 2:
         raise LogError(f"{folder / 'speed.csv'}: holds fewer than two rows")
-    radar["address"] = radar["address"].astype(np.int64)
+    radar = radar.astype({"address": np.int64, "new_track": np.int64})
     scan = (radar["time_s"].diff() > 0.02).cumsum()
     scan += (radar.groupby([scan, "address"]).cumcount() > 0).cumsum()  # an address twice: a cycle was lost
     time = radar.groupby(scan)["time_s"].transform("mean").round(6)

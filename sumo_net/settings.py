@@ -18,6 +18,9 @@ import pydantic.dataclasses
 
 T = TypeVar("T")
 
+_MOST_FINDINGS = 20  # that are told
+_LONGEST_VALUE = 300  # and of a message as a whole:
+_LONGEST = 8000
 _DEEPEST = 50  # tables and lists within each other
 _CONFIG = pydantic.ConfigDict(extra="forbid", arbitrary_types_allowed=False, allow_inf_nan=False)
 
@@ -26,6 +29,8 @@ class InputError(ValueError):
     """What is wrong with something that a user handed in. Its message cannot steer a terminal."""
 
     def __init__(self, message: str) -> None:
+        if len(message) > _LONGEST:
+            message = f"{message[:_LONGEST]} …"
         super().__init__("".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message))
 
 
@@ -53,7 +58,10 @@ def read(cls: type[T], mapping: Mapping[str, Any], source: str) -> T:
     try:
         return pydantic.TypeAdapter(cls).validate_python(dict(mapping))
     except pydantic.ValidationError as error:
-        lines = [_finding(cls, finding) for finding in error.errors(include_url=False)]
+        errors = error.errors(include_url=False)
+        lines = [_finding(cls, finding) for finding in errors[:_MOST_FINDINGS]]
+        if len(errors) > _MOST_FINDINGS:
+            lines.append(f"and {len(errors) - _MOST_FINDINGS} more")
         raise SettingsError("\n".join(f"{source}: {line}" for line in lines)) from None
 
 
@@ -121,7 +129,12 @@ def _finding(cls: Any, finding: Any) -> str:
     message = finding["msg"].removeprefix("Value error, ")
     if not location:
         return str(message)
-    return f"{key} = {finding['input']!r}: {message[:1].lower()}{message[1:]}"
+    return f"{key} = {_short(finding['input'])}: {message[:1].lower()}{message[1:]}"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]} …"
 
 
 def _fields_at(cls: Any, path: list[str]) -> list[str]:

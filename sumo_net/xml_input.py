@@ -7,7 +7,6 @@ declaration can only stand before the root element: looking that far is enough, 
 import gzip
 import io
 from pathlib import Path
-from typing import IO
 from xml.parsers import expat
 
 from sumo_net.settings import SettingsError
@@ -78,9 +77,7 @@ def read_bounded(file: Path, most_bytes: int = MOST_BYTES) -> bytes:
 class Bounded(io.RawIOBase):
     """A stream that may not give more than `most_bytes`, for parsers that read in pieces."""
 
-    def __init__(
-        self, stream: IO[bytes] | io.BufferedIOBase, file: Path, most_bytes: int = MOST_BYTES
-    ) -> None:
+    def __init__(self, stream: io.BufferedIOBase, file: Path, most_bytes: int = MOST_BYTES) -> None:
         self._stream, self._file, self._left = stream, file, most_bytes
         self._most = most_bytes
 

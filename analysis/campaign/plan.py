@@ -98,7 +98,7 @@ class Campaign:
         for name, values in self.grid.items():
             if not values:
                 raise ValueError(f'grid."{name}" = []: name at least one value')
-            if len({json.dumps(value, sort_keys=True) for value in values}) < len(values):
+            if len({json.dumps(value, sort_keys=True, default=str) for value in values}) < len(values):
                 raise ValueError(f'grid."{name}": a value is given twice')
         used = [*self.settings, *self.grid, *self.random]
         for name in used:

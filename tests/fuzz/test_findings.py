@@ -65,6 +65,21 @@ def test_a_camera_that_is_no_table(tmp_path: Path, text: str) -> None:
         read_camera(tmp_path / "camera.toml")
 
 
+def test_a_message_is_no_longer_than_one_can_read(tmp_path: Path) -> None:
+    many = "\n".join(f"k{k} = 1" for k in range(500))
+    for text in (f'duration_s = "{"A" * 100_000}"', many, f'"{"B" * 100_000}" = 1'):
+        (tmp_path / "a.toml").write_text(text)
+        with pytest.raises(SettingsError) as refused:
+            load_configuration(str(tmp_path / "a.toml"))
+        assert len(str(refused.value)) < 10_000
+
+
+def test_a_date_in_a_campaign(tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text('seeds = [1]\n[grid]\n"condition.noise_grey" = [1979-05-27, 1.0]\n')
+    with pytest.raises(SettingsError, match="noise_grey"):
+        plan.load(tmp_path / "c.toml")
+
+
 def test_no_message_can_steer_the_terminal(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text('"dur\\u001b[31mation" = 1\n[script]\n')
     with pytest.raises(SettingsError, match=r"dur\\x1b") as refused:
