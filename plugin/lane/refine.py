@@ -3,7 +3,7 @@
 It starts from the published search (`needs_search` says which vehicles want one) and then follows the lane by
 itself: the state of `plugin.lane.road_model` is predicted over the step, marking candidates are collected
 around the predicted borders, and a robust information update gives the new state. It drops the lane when it
-is no longer seen or has become impossible, and asks for the search again.
+is no longer seen or has become impossible, and asks for the search again. `plugin.lane.rival`: other lanes.
 """
 
 import functools
