@@ -4,8 +4,8 @@ import dask
 
 from analysis.campaign.plan import Plan
 
-START_S = 4.0  # core seconds a run: imports, network, SUMO
-PER_SIMULATED_S = 0.18  # core seconds, default scenario with 20 equipped vehicles
+START_S = 1.0  # core seconds a run: network, SUMO
+PER_SIMULATED_S = 0.13  # core seconds, default scenario with 20 equipped vehicles
 BYTES_PER_RUN = 75_000  # counts and events
 KEPT_BYTES_PER_S = {
     "steps": 20_000,

@@ -31,12 +31,15 @@ _LINES = 3  # of what a failed run said
 _DASK = {
     "distributed.scheduler.allowed-failures": 3,
     "distributed.comm.timeouts.connect": "10s",
-    # Its watching of itself, 50 times a second, takes 3 % of a core, and remembers thousands of samples.
+    # Its watching of itself, 50 times a second, takes 3 % of a core.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
+    # Logs that nobody reads: at their usual lengths memory grows for thousands of runs until they are full.
     "distributed.admin.system-monitor.log-length": 60,
-    "distributed.admin.log-length": 1000,
+    "distributed.admin.log-length": 100,
+    "distributed.admin.low-level-log-length": 100,
+    "distributed.diagnostics.computations.max-history": 10,
 }
 
 
