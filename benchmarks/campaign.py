@@ -4,7 +4,7 @@
     python benchmarks/campaign.py many [--runs 1000] [--duration 1] [--workers 2]
     python benchmarks/campaign.py engine [--runs 3000] [--workers 2]
     python benchmarks/campaign.py start [--runs 8]
-    python benchmarks/campaign.py kill [--kills 20] [--runs 12]
+    python benchmarks/campaign.py kill [--kills 20] [--runs 300]
 
 `scaling` prints the clock's gain and, for a machine that others use too, the two things that it consists of:
 the processor time of the runs with one and with two workers, and how much of the workers' time was spent in
@@ -247,7 +247,7 @@ def main() -> None:
         elif options.what == "start":
             start_up(Path(folder), options.runs or 8)
         else:
-            kill(Path(folder), options.kills, options.runs or 12)
+            kill(Path(folder), options.kills, options.runs or 300)
 
 
 if __name__ == "__main__":
