@@ -6,8 +6,8 @@ One problem is one border of one rendered frame, searched in the first frame's r
 same block maps by the same compiled objective; the others get it batched over a population of 50, their
 quickest way. Timed is the processor time until 60, 75 and 90 % of the best known value are reached (known
 from a long run of differential evolution beforehand); a run that ends without it is begun anew with other
-draws, and its time counts. The published coding has steps of 0.8e-4, 0.008 and 1 px: its grid's own best is
-97 to 99 % of the continuous one. Packages: `pip install -e '.[bench]'`.
+draws, and its time counts. The published coding has steps of 0.8e-4, 0.008 and 1 px, so that its grid's own
+best lies below the continuous one. Packages: `pip install -e '.[bench]'`.
 """
 
 import argparse

@@ -7,9 +7,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.plots.run import PREDICTORS, words
+from analysis.plots.run import PREDICTORS, add_errors, finish_errors, words
 from analysis.plots.style import BLUE, GREY, SERIES, VERMILLION, nothing, sheet, styled
-from plugin.truth import HORIZONS_S
 
 Array = np.ndarray[Any, Any]
 
@@ -152,23 +151,10 @@ def prediction(table: pd.DataFrame) -> Figure:
         right.set_axis_off()
         nothing(left, "no prediction was made")
         return figure
-    for (name, label), (colour, dashes, marker) in zip(PREDICTORS.items(), SERIES, strict=False):
+    for name, label in PREDICTORS.items():
         rows = part[part["predictor"] == name].sort_values("horizon_s")
-        for axes, column in ((left, "median_m"), (right, "p95_m")):
-            axes.plot(
-                rows["horizon_s"],
-                100.0 * rows[column],
-                color=colour,
-                linestyle=dashes,
-                marker=marker,
-                markersize=4,
-                label=label,
-            )
-    left.set(title="median", ylabel="lateral error in cm")
-    right.set(title="95th percentile")
-    for axes in (left, right):
-        axes.set(xlabel="horizon in s", xticks=HORIZONS_S, ylim=(0.0, None))
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, handlelength=2.6)
+        add_errors(left, right, label, rows["horizon_s"], rows["median_m"], rows["p95_m"])
+    finish_errors(figure, left, right)
     return figure
 
 

@@ -32,6 +32,32 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+def add_errors(
+    left: Axes, right: Axes, label: str, horizon_s: pd.Series, median_m: pd.Series, p95_m: pd.Series
+) -> None:
+    """One predictor's |lateral error| over the horizon, (H,) each: median on the left, p95 on the right."""
+    colour, dashes, marker = SERIES[len(left.lines)]
+    for axes, error_m in ((left, median_m), (right, p95_m)):
+        axes.plot(
+            horizon_s,
+            100.0 * error_m,
+            color=colour,
+            linestyle=dashes,
+            marker=marker,
+            markersize=4,
+            label=label,
+        )
+
+
+def finish_errors(figure: Figure, left: Axes, right: Axes) -> None:
+    """Titles, axes and legend of a figure that `add_errors` has filled."""
+    left.set(title="median", ylabel="lateral error in cm")
+    right.set(title="95th percentile")
+    for axes in (left, right):
+        axes.set(xlabel="horizon in s", xticks=HORIZONS_S, ylim=(0.0, None))
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, handlelength=2.6)
+
+
 @styled
 def prediction_error(predictions: pd.DataFrame) -> Figure:
     """|Lateral error| of the predicted path by horizon, median and 95th percentile, against baselines."""
@@ -41,22 +67,9 @@ def prediction_error(predictions: pd.DataFrame) -> Figure:
         nothing(left, "no prediction was made")
         return figure
     table = prediction_errors(predictions)
-    for (name, label), (colour, dashes, marker) in zip(PREDICTORS.items(), SERIES, strict=False):
-        for axes, end in ((left, "median"), (right, "p95")):
-            axes.plot(
-                table["horizon_s"],
-                100.0 * table[f"{name}_{end}_m"],
-                color=colour,
-                linestyle=dashes,
-                marker=marker,
-                markersize=4,
-                label=label,
-            )
-    left.set(title="median", ylabel="lateral error in cm")
-    right.set(title="95th percentile")
-    for axes in (left, right):
-        axes.set(xlabel="horizon in s", xticks=HORIZONS_S, ylim=(0.0, None))
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, handlelength=2.6)
+    for name, label in PREDICTORS.items():
+        add_errors(left, right, label, table["horizon_s"], table[f"{name}_median_m"], table[f"{name}_p95_m"])
+    finish_errors(figure, left, right)
     return figure
 
 
