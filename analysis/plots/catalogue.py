@@ -32,12 +32,11 @@ def _of_csv(draw: Callable[[pd.DataFrame], Figure], name: str) -> Callable[[Path
     return lambda directory, vehicle: draw(_csv(directory, name))
 
 
-def _of_curves(
-    experiment: str, *files: str, draw: Callable[..., Figure]
-) -> Callable[[Path, str | None], Figure]:
+def _published(experiment: str) -> Callable[[Path, str | None], Figure]:
     """From what `sumo-adas reproduce` wrote into the directory, else from the experiment itself."""
 
     def drawn(directory: Path, vehicle: str | None) -> Figure:
+        files, draw = published.FIGURES[experiment]
         for folder in (directory, directory / experiment):
             if all((folder / file).is_file() for file in files):
                 return draw(*(pd.read_csv(folder / file) for file in files))
@@ -117,27 +116,35 @@ PLOTS: dict[str, Plot] = {
     "observer": Plot(
         "published",
         "Z11 figures 14-16: yaw rate and lateral speed, simulated and observed",
-        _of_curves("simulation", "simulation_curves.csv", draw=published.observer),
+        _published("simulation"),
     ),
     "road": Plot(
         "published",
         "Z11 figures 17-19: borders, true, observed and predicted path",
-        _of_curves("road", "road_steps.csv", "road_paths.csv", draw=published.road),
+        _published("road"),
+    ),
+    "published-recognition": Plot(
+        "published",
+        "Z11 conclusion 1: frames with the lane found, published and default chain",
+        _published("recognition"),
+    ),
+    "search-times": Plot(
+        "published", "Z11 table 4: time of the genetic search a frame", _published("search-times")
     ),
     "correction": Plot(
         "published",
         "Z11 figure 13: correction factor of the steer over speed",
-        _of_curves("correction", "correction_curves.csv", draw=published.correction),
+        _published("correction"),
     ),
     "imm": Plot(
         "published",
         "IMM source: RMSE over time of CV, CA and IMM",
-        _of_curves("imm", "imm_curves.csv", draw=published.imm),
+        _published("imm"),
     ),
     "adaptive": Plot(
         "published",
         "CN104635233A: the adaptive filter as published and in its safe form",
-        _of_curves("adaptive", "adaptive_curves.csv", draw=published.adaptive),
+        _published("adaptive"),
     ),
 }
 

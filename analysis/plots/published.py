@@ -1,7 +1,7 @@
 """Figures of the three published sources, drawn from the curves that `sumo-adas reproduce` writes."""
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -25,6 +25,7 @@ _FILTERS = {
 }
 _MANOEUVRE_S = 10.0
 _CHAINS = {"paper": ("published chain", VERMILLION, "--"), "refined": ("default chain", ORANGE, "-.")}
+PATH_STYLES = {"driven": ("driven", SKY, "-")} | _CHAINS
 
 
 @styled
@@ -149,6 +150,45 @@ def adaptive(curve: pd.DataFrame) -> Figure:
     return figure
 
 
+@styled
+def recognition(rate: pd.DataFrame) -> Figure:
+    """Share of frames with the lane found, beside the source's (Z11 conclusion 1)."""
+    groups = list(dict.fromkeys(zip(rate["scenario"], rate["condition"], strict=True)))
+    named = rate.set_index(["chain", "scenario", "condition"])["recognised_percent"]
+    figure, axes = sheet(1, 1, 3.4)
+    for shift, (chain, (label, colour, _)) in zip((-0.2, 0.2), _CHAINS.items(), strict=True):
+        of_chain = [named[chain, *group] for group in groups]
+        bars = axes.bar([k + shift for k in range(len(groups))], of_chain, 0.4, label=label, color=colour)
+        axes.bar_label(bars, fmt="%.1f", padding=3)
+    said = rate.groupby(["scenario", "condition"])["published_percent"].first()
+    for k, group in enumerate(groups):
+        axes.hlines(said[group], k - 0.45, k + 0.45, BLACK, "--", label="_" if k else "published")
+    axes.set_xticks(range(len(groups)), [f"{scenario}\n{condition}" for scenario, condition in groups])
+    axes.set(ylabel="frames recognised in %", ylim=(0, 115))
+    _shared_legend(figure, [axes])
+    return figure
+
+
+@styled
+def search_times(measured: pd.DataFrame) -> Figure:
+    """Time of the genetic search a frame, both borders, beside the source's (Z11 table 4)."""
+    of_class = measured.groupby("class", sort=False)[["published_ms", "ms"]].median()
+    figure, axes = sheet(1, 1, 3.2)
+    for shift, column, label, colour in (
+        (-0.2, "published_ms", "published", GREY),
+        (0.2, "ms", "here", ORANGE),
+    ):
+        bars = axes.bar(
+            [k + shift for k in range(len(of_class))], of_class[column], 0.4, label=label, color=colour
+        )
+        axes.bar_label(bars, fmt="%.3g")
+    axes.set_xticks(range(len(of_class)), list(of_class.index))
+    axes.set(yscale="log", ylabel="ms a frame, both borders", ylim=(None, 600))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.legend()
+    return figure
+
+
 def _shared_legend(figure: Figure, all_axes: Iterable[Axes]) -> None:
     """One legend below for what any of the axes shows."""
     found: dict[str, Any] = {}
@@ -156,3 +196,21 @@ def _shared_legend(figure: Figure, all_axes: Iterable[Axes]) -> None:
         handles, labels = axes.get_legend_handles_labels()
         found |= dict(zip(labels, handles, strict=True))
     figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=3, handlelength=3)
+
+
+class Published(NamedTuple):
+    """The figure of an experiment."""
+
+    files: tuple[str, ...]  # of those the experiment writes, in the order of draw's arguments
+    draw: Callable[..., Figure]
+
+
+FIGURES = {
+    "simulation": Published(("simulation_curves.csv",), observer),
+    "road": Published(("road_steps.csv", "road_paths.csv"), road),
+    "recognition": Published(("recognition.csv",), recognition),
+    "search-times": Published(("search-times.csv",), search_times),
+    "correction": Published(("correction_curves.csv",), correction),
+    "imm": Published(("imm_curves.csv",), imm),
+    "adaptive": Published(("adaptive_curves.csv",), adaptive),
+}

@@ -142,17 +142,14 @@ def compare(summary_table: pd.DataFrame) -> pd.DataFrame:
 def reproduce(out: Path, experiment: AdaptiveExperiment | None = None) -> pd.DataFrame:
     """Run all cases; write adaptive.csv, adaptive_curves.csv, adaptive.png and the comparison; give that."""
     experiment = experiment or AdaptiveExperiment()
-    out.mkdir(parents=True, exist_ok=True)
     rows, curves = [], []
     for case in TOLD:
         of_case, of_time = _rows(experiment, case)
         rows += of_case
         curves.append(of_time)
-    table, curve = pd.DataFrame(rows), pd.concat(curves, ignore_index=True)
-    table.to_csv(out / "adaptive.csv", index=False, float_format="%.4f")
-    curve.to_csv(out / "adaptive_curves.csv", index=False, float_format="%.5f")
-    _plot(out / "adaptive.png", curve)
-    return comparison.write(out, "adaptive", compare(table))
+    table = pd.DataFrame(rows)
+    tables = {"adaptive.csv": table, "adaptive_curves.csv": pd.concat(curves, ignore_index=True)}
+    return comparison.write(out, "adaptive", tables, compare(table))
 
 
 def _rows(experiment: AdaptiveExperiment, case: str) -> tuple[list[dict[str, Any]], pd.DataFrame]:
@@ -190,20 +187,3 @@ def _curve(experiment: AdaptiveExperiment, case: str, name: str, error: Array, r
     for i, component in enumerate(("x", "v", "y")):
         table[f"r_ratio_{component}"] = ratio[..., i].mean(axis=1)
     return pd.DataFrame(table)
-
-
-def _plot(path: Path, curve: pd.DataFrame) -> None:
-    from matplotlib.figure import Figure  # slow to import, and needed only here
-
-    figure = Figure(figsize=(11, 6), layout="constrained")
-    axes = figure.subplots(2, len(TOLD), sharex=True)
-    for column, (case, of_case) in enumerate(curve.groupby("case", sort=False)):
-        for name, of_filter in of_case.groupby("filter", sort=False):
-            axes[0, column].plot(of_filter["time_s"], of_filter["rmse_vx_mps"], label=name)
-            axes[1, column].plot(of_filter["time_s"], of_filter["r_ratio_v"].clip(lower=1e-2))
-        axes[0, column].set(title=case, ylim=(0.0, 1.5))
-        axes[1, column].set(xlabel="time in s", yscale="log", ylim=(1e-2, 1e2))
-    axes[0, 0].set_ylabel("RMSE of ẋ in m/s, runs not diverged")
-    axes[1, 0].set_ylabel("mean R of v_r over the true one")
-    axes[0, 0].legend()
-    figure.savefig(path, dpi=120)

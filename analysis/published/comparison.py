@@ -5,7 +5,7 @@ reference because the source prints only curves or misprints the number; *claim*
 in words; empty where the source shows a figure without numbers, so that there is nothing to compare with.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +50,19 @@ def table(rows: Iterable[dict[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(list(rows), columns=list(COLUMNS))
 
 
-def write(out: Path, name: str, comparison: pd.DataFrame) -> pd.DataFrame:
-    """Write `<name>_comparison.csv` into `out`; the comparison goes on."""
+def write(out: Path, name: str, tables: Mapping[str, pd.DataFrame], comparison: pd.DataFrame) -> pd.DataFrame:
+    """What an experiment leaves in `out`: its tables, its figure <name>.png and <name>_comparison.csv.
+
+    tables : by their files' names, among them those of the figure. The comparison goes on.
+    """
+    from analysis.plots.published import FIGURES  # matplotlib is slow to import
+    from analysis.plots.style import save
+
     out.mkdir(parents=True, exist_ok=True)
-    comparison.to_csv(out / f"{name}_comparison.csv", index=False, float_format="%.6g")
+    for file, table in {**tables, f"{name}_comparison.csv": comparison}.items():
+        table.to_csv(out / file, index=False, float_format="%.6g")
+    figure = FIGURES[name]
+    save(figure.draw(*(tables[file] for file in figure.files)), out / f"{name}.png", "png")
     return comparison
 
 

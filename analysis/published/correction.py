@@ -61,23 +61,5 @@ def compare(curve: pd.DataFrame) -> pd.DataFrame:
 
 def reproduce(out: Path) -> pd.DataFrame:
     """Write correction_curves.csv, correction.png and the comparison into `out`; give the comparison."""
-    out.mkdir(parents=True, exist_ok=True)
     curve = curves()
-    curve.to_csv(out / "correction_curves.csv", index=False, float_format="%.6f")
-    _plot(out / "correction.png", curve)
-    return comparison.write(out, "correction", compare(curve))
-
-
-def _plot(path: Path, curve: pd.DataFrame) -> None:
-    from matplotlib.figure import Figure  # slow to import, and needed only here
-
-    figure = Figure(figsize=(7, 4.5), layout="constrained")
-    axes = figure.subplots()
-    for load, of_load in curve.groupby("load", sort=False):
-        axes.plot(of_load["speed_kmh"], of_load["factor_of_steady_turn"], label=str(load))
-    printed = curve.dropna(subset="factor_printed").iloc[9::10]
-    axes.plot(printed["speed_kmh"], printed["factor_printed"], "k+", label="printed, half load")
-    axes.set(xlabel="speed in km/h", ylabel="f = δ_D / δ_k", xlim=(0, 150))
-    axes.legend()
-    axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
+    return comparison.write(out, "correction", {"correction_curves.csv": curve}, compare(curve))

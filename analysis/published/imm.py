@@ -153,32 +153,6 @@ def compare(phase: pd.DataFrame) -> pd.DataFrame:
 
 def reproduce(out: Path, experiment: ImmExperiment | None = None) -> pd.DataFrame:
     """Write imm.csv (phases), imm_curves.csv, imm.png and the comparison into `out`; give the comparison."""
-    experiment = experiment or ImmExperiment()
-    out.mkdir(parents=True, exist_ok=True)
-    curve = curves(experiment)
-    table = phases(curve)
-    table.to_csv(out / "imm.csv", index=False, float_format="%.4f")
-    curve.to_csv(out / "imm_curves.csv", index=False, float_format="%.5f")
-    _plot(out / "imm.png", curve, experiment)
-    return comparison.write(out, "imm", compare(table))
-
-
-def _plot(path: Path, curve: pd.DataFrame, experiment: ImmExperiment) -> None:
-    from matplotlib.figure import Figure  # slow to import, and needed only here
-
-    figure = Figure(figsize=(10, 7), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True).ravel()
-    for axis, component in zip(axes, COMPONENTS, strict=False):
-        for name, table in curve.groupby("filter", sort=False):
-            axis.plot(table["time_s"], table[component], label=str(name).upper())
-        axis.set_ylabel(f"RMSE {component}")
-    of_imm = curve[curve["filter"] == "imm"]
-    axes[3].plot(of_imm["time_s"], of_imm["probability_cv"])
-    axes[3].set(ylabel="mean probability of CV", ylim=(0.0, 1.0))
-    for axis in axes:
-        axis.axvline(experiment.manoeuvre_s, color="0.7", zorder=0)
-    axes[2].set_xlabel("time in s")
-    axes[3].set_xlabel("time in s")
-    axes[0].legend()
-    axes[0].set_title(f"{experiment.runs} runs")
-    figure.savefig(path, dpi=120)
+    curve = curves(experiment or ImmExperiment())
+    phase = phases(curve)
+    return comparison.write(out, "imm", {"imm.csv": phase, "imm_curves.csv": curve}, compare(phase))

@@ -67,6 +67,7 @@ def rates(experiment: Recognition, out: Path | None = None) -> pd.DataFrame:
                     "condition": condition,
                     "chain": chain,
                     "recognised_percent": 100.0 * accuracy[figure],
+                    "published_percent": CONDITIONS[condition][1],
                     "frames": int(verdicts.sum()),
                     "distance_km": distance_km(whole),
                 }
@@ -92,11 +93,8 @@ def compare(rate: pd.DataFrame) -> pd.DataFrame:
 
 def reproduce(out: Path, experiment: Recognition | None = None) -> pd.DataFrame:
     """Write recognition.csv, recognition.png and the comparison into `out`; give the comparison."""
-    out.mkdir(parents=True, exist_ok=True)
     rate = rates(experiment or Recognition())
-    rate.to_csv(out / "recognition.csv", index=False, float_format="%.3f")
-    _plot(out / "recognition.png", rate)
-    return comparison.write(out, "recognition", compare(rate))
+    return comparison.write(out, "recognition", {"recognition.csv": rate}, compare(rate))
 
 
 def _drive(job: tuple[str, str, int, Path, Recognition]) -> None:
@@ -113,23 +111,3 @@ def _drive(job: tuple[str, str, int, Path, Recognition]) -> None:
         threads=1,
         quiet=True,
     )
-
-
-def _plot(path: Path, rate: pd.DataFrame) -> None:
-    from matplotlib.figure import Figure  # slow to import, and needed only here
-
-    figure = Figure(figsize=(8, 4.5), layout="constrained")
-    axes = figure.subplots()
-    groups = list(dict.fromkeys(zip(rate["scenario"], rate["condition"], strict=True)))
-    for shift, chain in ((-0.2, "paper"), (0.2, "refined")):
-        of_chain = rate[rate["chain"] == chain].set_index(["scenario", "condition"])["recognised_percent"]
-        bars = axes.bar([k + shift for k in range(len(groups))], of_chain.loc[groups], 0.4, label=chain)
-        axes.bar_label(bars, fmt="%.1f")
-    for k, (_, condition) in enumerate(groups):
-        axes.hlines(
-            CONDITIONS[condition][1], k - 0.45, k + 0.45, "k", "--", label="published" if k == 0 else "_later"
-        )
-    axes.set_xticks(range(len(groups)), [f"{scenario}\n{condition}" for scenario, condition in groups])
-    axes.set(ylabel="frames recognised in %", ylim=(0, 112))
-    axes.legend(loc="lower left")
-    figure.savefig(path, dpi=120)

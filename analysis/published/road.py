@@ -210,12 +210,12 @@ def _rms(error: pd.Series) -> float:
 
 def reproduce(out: Path, experiment: RoadRuns | None = None) -> pd.DataFrame:
     """Write road_steps.csv, road_paths.csv, two pictures and the comparison; give that."""
-    from analysis.published import road_pictures
+    from analysis.plots.style import save
+    from analysis.published import road_frames
 
     experiment = experiment or RoadRuns()
-    out.mkdir(parents=True, exist_ok=True)
     measured = measure(experiment)
-    measured.steps.to_csv(out / "road_steps.csv", index=False, float_format="%.6f")
-    measured.paths.to_csv(out / "road_paths.csv", index=False, float_format="%.4f")
-    road_pictures.draw(out, measured, experiment)
-    return comparison.write(out, "road", compare(measured.steps, experiment.settle_s))
+    tables = {"road_steps.csv": measured.steps, "road_paths.csv": measured.paths}
+    result = comparison.write(out, "road", tables, compare(measured.steps, experiment.settle_s))
+    save(road_frames.draw(measured.paths, experiment), out / "road_frames.png", "png")
+    return result

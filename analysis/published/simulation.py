@@ -220,31 +220,5 @@ def _settled_s(time_s: pd.Series, error: pd.Series, true: pd.Series) -> float:
 
 def reproduce(out: Path) -> pd.DataFrame:
     """Write simulation_curves.csv, simulation.png and the comparison into `out`; give the comparison."""
-    out.mkdir(parents=True, exist_ok=True)
     curve = curves()
-    curve.to_csv(out / "simulation_curves.csv", index=False, float_format="%.6f")
-    _plot(out / "simulation.png", curve)
-    return comparison.write(out, "simulation", compare(curve))
-
-
-def _plot(path: Path, curve: pd.DataFrame) -> None:
-    from matplotlib.figure import Figure  # slow to import, and needed only here
-
-    figure = Figure(figsize=(12, 6.5), layout="constrained")
-    axes = figure.subplots(2, len(RUNS), sharex="col")
-    for k, run in enumerate(RUNS):
-        of_run = curve[curve["run"] == run.title]
-        for axis, column, label in (
-            (axes[0, k], "yaw_rate_rps", "γ in rad/s"),
-            (axes[1, k], "lateral_speed_mps", "v_y in m/s"),
-        ):
-            first = of_run[of_run["observer"] == "paper"]
-            axis.plot(first["time_s"], first[f"true_{column}"], "k", lw=2.5, label="simulated vehicle")
-            for name, one in of_run.groupby("observer", sort=False):
-                axis.plot(one["time_s"], one[column], "--", label=str(name))
-            axis.set_ylabel(label)
-            axis.grid(alpha=0.3)
-        axes[0, k].set_title(run.title, fontsize=10)
-        axes[1, k].set_xlabel("time in s")
-        axes[1, k].legend(fontsize=8)
-    figure.savefig(path, dpi=120)
+    return comparison.write(out, "simulation", {"simulation_curves.csv": curve}, compare(curve))

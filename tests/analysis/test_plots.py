@@ -50,6 +50,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             "left_m": [0, 1, 0, 2],
         }
     ).to_csv(published / "road_paths.csv", index=False)
+    pd.DataFrame(
+        {"scenario": "straight", "condition": "clear", "chain": ["paper", "refined"]}
+        | {"recognised_percent": [60.0, 99.0], "published_percent": 100.0}
+    ).to_csv(published / "recognition.csv", index=False)
+    pd.DataFrame({"class": ["frame 1", "later frames"], "ms": [0.6, 0.2], "published_ms": [210, 30]}).to_csv(
+        published / "search-times.csv", index=False
+    )
     cases = [
         {"case": case, "filter": "adaptive", "time_s": t, "rmse_vx_mps": 1.0 - t / 2, "r_ratio_v": 1.0}
         for case in TOLD
