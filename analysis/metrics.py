@@ -2,10 +2,9 @@
 
 import numpy as np
 import pandas as pd
-from scipy.stats import bootstrap
 
 from analysis.rear_end import rear_end_figures
-from analysis.statistics import mean, per_100_km, poisson_interval, quantile
+from analysis.statistics import mean, per_100_km, poisson_interval, quantile, ratio_interval
 from plugin.truth import HORIZONS_S
 
 CURVE_1PM = 2e-4  # a road less curved than this counts as straight
@@ -109,18 +108,7 @@ def paired_gain(
     for (name, horizon), part in keyed.groupby(["category", "horizon_s"], observed=True):
         clusters = part.groupby(["run_id", "vehicle_id"])["gain"].agg(["sum", "count"])
         mean = clusters["sum"].sum() / clusters["count"].sum()
-        low = high = np.nan
-        if len(clusters) > 1:
-            interval = bootstrap(
-                (clusters["sum"].to_numpy(), clusters["count"].to_numpy()),
-                lambda total, count, axis: total.sum(axis=axis) / count.sum(axis=axis),
-                paired=True,
-                vectorized=True,
-                method="percentile",
-                n_resamples=resamples,
-                rng=np.random.default_rng(0),
-            ).confidence_interval
-            low, high = float(interval.low), float(interval.high)
+        low, high = ratio_interval(clusters["sum"].to_numpy(), clusters["count"].to_numpy(), resamples)
         rows.append({"category": name, "horizon_s": horizon, "gain_m": mean, "low_m": low, "high_m": high})
     return pd.DataFrame(rows)
 

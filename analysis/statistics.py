@@ -1,10 +1,17 @@
 """Small statistics that several figures share."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.stats import bootstrap, chi2
+
+Array = np.ndarray[Any, Any]
+
+RESAMPLES = 1000
+_TINY = np.finfo(np.float64).tiny  # where all rows drawn count nothing, the ratio is 0
+_NUMBERS_AT_ONCE = 1_000_000  # drawn in memory at a time
 
 
 def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
@@ -32,25 +39,29 @@ def quantile(values: pd.Series, q: float) -> float:
     return float(np.quantile(values.to_numpy(), q, method="higher"))
 
 
-def clustered_share(rows: pd.DataFrame, column: str, resamples: int = 1000) -> tuple[float, float, float]:
+def ratio_interval(numerator: Array, denominator: Array, resamples: int = RESAMPLES) -> tuple[float, float]:
+    """95 % bootstrap interval of Σ numerator / Σ denominator, rows drawn; NaN for fewer than two rows."""
+    if len(numerator) < 2 or not np.sum(denominator):
+        return float("nan"), float("nan")
+    interval = bootstrap(
+        (np.asarray(numerator, np.float64), np.asarray(denominator, np.float64)),
+        lambda total, count, axis: total.sum(axis=axis) / np.maximum(count.sum(axis=axis), _TINY),
+        paired=True,
+        vectorized=True,
+        method="percentile",
+        n_resamples=resamples,
+        batch=max(1, _NUMBERS_AT_ONCE // len(numerator)),
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return float(interval.low), float(interval.high)
+
+
+def clustered_share(rows: pd.DataFrame, column: str) -> tuple[float, float, float]:
     """Share of True in `column`, with a 95 % bootstrap interval over (run, vehicle): frames of one are alike.
 
     The interval is NaN for fewer than two vehicles, the share of no rows too.
     """
     per_vehicle = rows.groupby(["run_id", "vehicle_id"], observed=True)[column].agg(["sum", "count"])
     hits, count = (per_vehicle[name].to_numpy(np.float64) for name in ("sum", "count"))
-    if not count.sum():
-        return float("nan"), float("nan"), float("nan")
-    share = float(hits.sum() / count.sum())
-    if len(count) < 2:
-        return share, float("nan"), float("nan")
-    interval = bootstrap(
-        (hits, count),
-        lambda total, number, axis: total.sum(axis=axis) / number.sum(axis=axis),
-        paired=True,
-        vectorized=True,
-        method="percentile",
-        n_resamples=resamples,
-        rng=np.random.default_rng(0),
-    ).confidence_interval
-    return share, float(interval.low), float(interval.high)
+    share = float(hits.sum() / count.sum()) if count.sum() else float("nan")
+    return share, *ratio_interval(hits, count)

@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 from analysis.campaign.store import Store
 from analysis.campaign.tally import COUNTS, Tally, add, distribution, quantile, root_mean_square
 from analysis.metrics import ERRORS
-from analysis.statistics import per_100_km, poisson_interval
+from analysis.statistics import per_100_km, poisson_interval, ratio_interval
 from plugin.tracking.classification import NAMES
 from plugin.truth import HORIZONS_S
 from sumo_net.settings import SettingsError
@@ -36,7 +36,6 @@ SHARES = {
 }
 TIMES = ("true_tlc", "true_ttc", "ldw_lead_time", "conflict_lead_time", "conflict_min_ttc")
 _STEPS_PER_H = 36_000
-_RESAMPLES = 2000
 
 
 def write_report(out: Any) -> dict[str, pd.DataFrame]:
@@ -91,7 +90,7 @@ def _rates(total: Mapping[str, int], runs: pd.DataFrame) -> Iterable[dict[str, A
     for name in RATES:
         count = total.get(name, 0)
         low, high = poisson_interval(count)
-        boot_low, boot_high = _bootstrap(runs[name].to_numpy(), runs["distance_mm"].to_numpy())
+        boot_low, boot_high = ratio_interval(runs[name].to_numpy(), runs["distance_mm"].to_numpy() / 1e8)
         yield {
             "figure": name,
             "runs": len(runs),
@@ -123,7 +122,7 @@ def _benefit(cells: list[dict[str, Any]], runs: pd.DataFrame) -> pd.DataFrame:
         for name in ("departures", "conflicts", "conflicts_critical"):
             before = without.loc[seeds, name].to_numpy(np.int64)
             avoided = before - with_.loc[seeds, name].to_numpy(np.int64)
-            low, high = _bootstrap_mean(avoided)
+            low, high = ratio_interval(avoided, np.ones(len(avoided)))
             label = {key: str(value) for key, value in cell.items() if key != "reaction.on"}
             rows.append(
                 label
@@ -139,29 +138,6 @@ def _benefit(cells: list[dict[str, Any]], runs: pd.DataFrame) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows)
-
-
-def _bootstrap_mean(values: Any) -> tuple[float, float]:
-    """95 % interval of a mean by drawing pairs; NaN for fewer than two."""
-    if len(values) < 2:
-        return math.nan, math.nan
-    draw = np.random.default_rng(0)
-    means = [values[draw.integers(len(values), size=len(values))].mean() for _ in range(_RESAMPLES)]
-    low, high = np.quantile(means, [0.025, 0.975])
-    return float(low), float(high)
-
-
-def _bootstrap(count: Any, distance_mm: Any) -> tuple[float, float]:
-    """95 % interval of a rate per 100 km by drawing runs; NaN for fewer than two."""
-    if len(count) < 2 or not distance_mm.sum():
-        return math.nan, math.nan
-    draw = np.random.default_rng(0)
-    rates = np.empty(_RESAMPLES)
-    for k in range(_RESAMPLES):  # one at a time: memory does not grow with the number of runs
-        chosen = draw.integers(len(count), size=len(count))
-        rates[k] = 1e8 * count[chosen].sum() / max(distance_mm[chosen].sum(), 1)
-    low, high = np.quantile(rates, [0.025, 0.975])
-    return float(low), float(high)
 
 
 def _shares(total: Mapping[str, int]) -> Iterable[dict[str, Any]]:
