@@ -12,7 +12,13 @@ from sumo_net.vehicle import derivatives
 SUBSTEPS = 10
 KINEMATIC_BELOW_MPS = 2.0
 DYNAMIC_ABOVE_MPS = 4.0
-GUIDED_FROM_MPS2 = 6.0  # curves that ask for more lateral acceleration are not left to the tyres alone
+# Where it is guided, from none to all: lateral acceleration and share of the full lock that the curve takes,
+# yaw rate beside the curve's, heading relative to the path.
+GUIDED_MPS2 = (6.0, 10.0)
+GUIDED_LOCK = (0.8, 1.0)
+GUIDED_RPS = (0.4, 0.8)
+GUIDED_RAD = (0.5, 0.8)
+LED_LOCK = (1.0, 2.0)  # and where it is no longer drawn to the path but put on it
 _GUIDE_PER_STEP = 0.4
 _RELAXATION_1PS = 25.0  # towards rolling without slip, like the tyres' own rate at 4 m/s
 _F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10 = (1.0 / math.factorial(k) for k in range(3, 11))
@@ -92,11 +98,30 @@ def runge_kutta(x, steer, steer_end, along, along_end, curvature, curvature_end,
 
 
 @kernel
+def guidance(bend, v, e, odd_yaw_rate, c):  # type: ignore[no-untyped-def]
+    """Share of a step's guidance, 0 where tyres, lock and driver can follow a road of curvature `bend` ≥ 0.
+
+    `odd_yaw_rate`, the vehicle's minus the curve's, counts too: behind a turn that it was led through, wheels
+    that are still turned would take it off the road.
+    """
+    lock = bend * c.wheelbase * (1.0 + c.understeer * v * v) / c.steer_most
+    beyond = max(_ramp(bend * v * v, GUIDED_MPS2), _ramp(lock, GUIDED_LOCK))
+    beyond = max(beyond, _ramp(abs(odd_yaw_rate), GUIDED_RPS), _ramp(abs(e), GUIDED_RAD))
+    return max(_GUIDE_PER_STEP * beyond, _ramp(bend * c.wheelbase / c.steer_most, LED_LOCK))
+
+
+@kernel
+def _ramp(value, ends):  # type: ignore[no-untyped-def]
+    return min(max((value - ends[0]) / (ends[1] - ends[0]), 0.0), 1.0)
+
+
+@kernel
 def guided(x, line, curvature, along, share, p):  # type: ignore[no-untyped-def]
     """Draw x = (d, e, v_y, γ) by `share` towards rolling along the path on the driver's line.
 
-    SUMO takes city turns and kinks of its lanes at speeds that no tyre bears. A vehicle that obeys physics
-    would leave the road there; this one is led along it, and what it reports there is no driving.
+    SUMO takes city turns and kinks of its lanes at speeds that no tyre bears, and turns on the spot. A vehicle
+    that obeys physics would leave the road there; this one is led along it, and what it reports there is no
+    driving.
     """
     yaw_rate = curvature * along
     v_y = p.l_r * yaw_rate
@@ -211,10 +236,11 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         mind.change_elapsed_s[i] = elapsed
         mind.veer_elapsed_s[i] = veer_elapsed
         bend = max(abs(k_old), abs(k_new), abs(look_old), abs(look_new))
-        guide = _GUIDE_PER_STEP * min(max((bend * v_mean * v_mean - GUIDED_FROM_MPS2) / 4.0, 0.0), 1.0)
+        guide = guidance(bend, v_mean, x[1], x[3] - k_new * stretch * v_new, c)
         if guide > 0.0:
             line, _, _ = profile(start, start_rate, start_rate2, target, elapsed, duration)
             x = guided(x, line, k_new, stretch * v_new, guide, p)
+            steer += guide * (min(max(wheelbase * k_new, -steer_most), steer_most) - steer)
         motion.offset_m[i], motion.heading_rad[i] = x[0], x[1]
         motion.lateral_speed_mps[i], motion.yaw_rate_rps[i] = x[2], x[3]
         motion.steer_rad[i] = steer + jitter_end

@@ -19,6 +19,8 @@ JUMP_M = 5.0  # a vehicle found so far from where it should be was moved: it beg
 SIGHT_S = 3.0  # drivers look away, or doze off, only where the road is calm so far ahead
 ODD_WAY_M = 0.5  # a step's way so far from what the speed says is no driving
 CLOSE_UP_S = 3.0  # time constant in which a difference to SUMO's place along the road fades
+OUTER_MOST = 1.2  # over ground, on the outer side of a turn, a vehicle is so much faster than SUMO's at most
+BEHIND_M = (3.0, 4.0)  # unless it has fallen behind by so much
 _MOST_HEADING_RAD = 1.2
 
 
@@ -82,6 +84,19 @@ def onto_paths(motion, mind, traits, table, changed, new_path, lane_position, sp
 
 
 @kernel
+def outer_share(curvature, offset, behind):  # type: ignore[no-untyped-def]
+    """Share of SUMO's way along the path that a vehicle makes which is `offset` beside it, `behind` SUMO's.
+
+    Whoever changes lanes shortly before a sharp turn drives a much longer way than SUMO's along the lane.
+    """
+    ground = 1.0 - offset * curvature
+    if ground <= OUTER_MOST:
+        return 1.0
+    patience = min(max((BEHIND_M[1] - behind) / (BEHIND_M[1] - BEHIND_M[0]), 0.0), 1.0)
+    return 1.0 - patience * (1.0 - OUTER_MOST / ground)
+
+
+@kernel
 def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper, c, p):  # type: ignore[no-untyped-def]
     """Fill `drive` for the step to SUMO's new places and move the stations there."""
     fade = STEP_S / CLOSE_UP_S
@@ -96,6 +111,10 @@ def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper,
         if not abs(way - STEP_S * along) < ODD_WAY_M:
             way = STEP_S * along
         motion.lane_position_m[i] = lane_position[i]
+        _, _, _, curvature = pose_at(table, path, motion.station_m[i])
+        slowed = outer_share(curvature, motion.offset_m[i], place - motion.station_m[i])
+        way *= slowed
+        along *= slowed
         lead = motion.station_m[i] + way - place
         line, _, _ = reference(mind, traits, i)
         if not (
