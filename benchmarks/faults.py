@@ -3,9 +3,10 @@
     python benchmarks/faults.py [--kills 50] [--duration 25] [--scenario straight] [--equip 0.02]
 
 Each round starts what `sumo-adas run` does, in a process forked from one that has everything loaded, with
-CSV, Parquet or both, kills it at a random moment and reads every table. The run notes each flush (every 10 s
-simulated), so that it is known what had been written: at least that must be there, in whole rows, and equal
-to an undisturbed run's.
+CSV, Parquet or both, kills it at a random moment of a random step, or while it closes its tables, and reads
+every table. The run notes its steps, so that it is known which flush (every 10 s simulated) had been made: at
+least that must be there, in whole rows, and equal to an undisturbed run's. A run that ends before it is
+killed does not count. Exit status 1 where something was lost.
 """
 
 import argparse
@@ -15,7 +16,7 @@ import signal
 import sys
 import tempfile
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pandas as pd
@@ -26,9 +27,12 @@ from analysis.fork_server import ForkServer
 from plugin.record import read_table
 from plugin.schema import TABLES
 
+FLUSH_STEPS = 100
+CLOSING_S = 0.1  # about as long as the tables take to be closed
+
 
 def noted_run(out: Path, form: str, scenario: str, duration_s: float, equip: float, notes: Path) -> None:
-    """A run that writes its pid, and a line after every flush, to `notes`."""
+    """A run that writes its pid, then a line after every step, to `notes`."""
     from analysis.simulate import simulate
     from plugin.assistance import DriverAssistance
 
@@ -38,8 +42,7 @@ def noted_run(out: Path, form: str, scenario: str, duration_s: float, equip: flo
 
         def told(self: DriverAssistance) -> None:
             step(self)
-            if self._steps % 100 == 0:
-                print(self._steps, file=file, flush=True)
+            print(self._steps, file=file, flush=True)
 
         DriverAssistance.step = told  # type: ignore[method-assign]
         formats = ("csv", "parquet") if form == "both" else (form,)
@@ -53,6 +56,24 @@ def noted_run(out: Path, form: str, scenario: str, duration_s: float, equip: flo
             threads=1,
             quiet=True,
         )
+
+
+def noted(notes: Path) -> list[int]:
+    """The pid of a run, 0 for its beginning, the steps that it has made."""
+    lines = notes.read_text().split("\n")[:-1] if notes.exists() else []
+    return [int(line) for line in [*lines[:1], "0", *lines[1:]]]
+
+
+def kill(running: "Future[object]", notes: Path, step: int, after_s: float) -> None:
+    """Kill a run so long after it has made `step`."""
+    while not running.done():
+        so_far = noted(notes)
+        if len(so_far) > 1 and so_far[-1] >= step:
+            time.sleep(after_s)
+            if not running.done():
+                os.kill(so_far[0], signal.SIGKILL)
+            return
+        time.sleep(0.005)
 
 
 def judge(out: Path, whole: dict[str, pd.DataFrame], flushed_steps: int) -> list[str]:
@@ -92,37 +113,30 @@ def main() -> None:
     options = parser.parse_args()
     from benchmarks.faults import noted_run as run
 
-    draw, bad, with_rows, killed = random.Random(1), 0, 0, 0
+    draw, bad, with_rows, killed, rounds = random.Random(1), 0, 0, 0, 0
     words = (options.scenario, options.duration, options.equip)
+    steps = round(10 * options.duration)
     with tempfile.TemporaryDirectory() as folder, ForkServer() as server, ThreadPoolExecutor(1) as pool:
         work = Path(folder)
-        server.result(run, work / "first", "csv", *words, work / "notes")
-        begin = time.monotonic()
         server.result(run, work / "whole", "parquet", *words, work / "notes")
-        took = time.monotonic() - begin
         whole = {name: read_table(work / "whole", name) for name in TABLES}
-        for k in range(options.kills):
-            form, out, notes = ("csv", "parquet", "both")[k % 3], work / f"{k}", work / f"{k}.notes"
+        while killed < options.kills and rounds < 2 * options.kills:
+            form, out = ("csv", "parquet", "both")[rounds % 3], work / f"{rounds}"
+            notes, rounds = work / f"{rounds}.notes", rounds + 1
             running = pool.submit(server.call, run, out, form, *words, notes)
-            while not (notes.exists() and notes.read_text().endswith("\n")):
-                time.sleep(0.01)
-            time.sleep(draw.uniform(0.0, took))
-            if not running.done():
-                os.kill(int(notes.read_text().split()[0]), signal.SIGKILL)
-            ended_by = running.result().ended_by
-            flushes = [int(line) for line in notes.read_text().split()[1:]]
-            last = flushes[-1] if flushes else 0
+            step = min(draw.randint(1, steps + steps // 10), steps)  # each eleventh while it closes
+            kill(running, notes, step, draw.uniform(0.0, CLOSING_S))
+            if not running.result().ended_by:
+                continue
+            last = noted(notes)[-1] // FLUSH_STEPS * FLUSH_STEPS
             faults = judge(out, whole, last)
-            with_rows += last > 0 and ended_by > 0
-            killed += ended_by > 0
+            with_rows += last > 0
+            killed += 1
             bad += bool(faults)
-            kill = f"killed after the flush at {last / 10:.0f} s" if ended_by else "had ended"
-            print(f"kill {k + 1} ({form}): {kill}: {'; '.join(faults) or 'nothing lost'}", flush=True)
-    print(
-        f"{options.kills} rounds, {killed} killed, "
-        f"{with_rows} of them after a flush: {bad} with something lost"
-    )
-    raise SystemExit(1 if bad else 0)
+            moment = f"after step {noted(notes)[-1]}, flushed at {last / 10:.0f} s"
+            print(f"kill {killed} ({form}): {moment}: {'; '.join(faults) or 'nothing lost'}", flush=True)
+    print(f"{killed} killed, {with_rows} of them after a flush: {bad} with something lost")
+    raise SystemExit(1 if bad or killed < options.kills else 0)
 
 
 if __name__ == "__main__":

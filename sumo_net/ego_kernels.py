@@ -119,9 +119,9 @@ def _ramp(value, ends):  # type: ignore[no-untyped-def]
 def guided(x, line, curvature, along, share, p):  # type: ignore[no-untyped-def]
     """Draw x = (d, e, v_y, γ) by `share` towards rolling along the path on the driver's line.
 
-    SUMO takes city turns and kinks of its lanes at speeds that no tyre bears, and turns on the spot. A vehicle
-    that obeys physics would leave the road there; this one is led along it, and what it reports there is no
-    driving.
+    SUMO takes city turns and kinks of its lanes at speeds that no tyre bears, and turns on the spot. A
+    vehicle that obeys physics would leave the road there; this one is led along it, and what it reports there
+    is no driving.
     """
     yaw_rate = curvature * along
     v_y = p.l_r * yaw_rate
