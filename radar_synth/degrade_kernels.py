@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from radar_synth.visibility_kernels import ascending
 from sumo_net.compile import kernel
 from sumo_net.randomness import bits, normal, uniform
 
@@ -44,6 +45,7 @@ def measure(objects, seen, radar, keys, counter, out, behind):  # type: ignore[n
     spare = 64
     z, truth = np.empty((2 * M + spare, 3)), np.empty((2 * M + spare, 5))
     handle, reflection = np.empty(2 * M + spare, np.int64), np.empty(2 * M + spare, np.int8)
+    order = np.empty(2 * M + spare, np.int64)
     for i in range(n):
         scan = np.uint64(3) * np.uint64(counter[i])
         noise = bits(keys[i], scan)
@@ -94,7 +96,7 @@ def measure(objects, seen, radar, keys, counter, out, behind):  # type: ignore[n
             handle[found], reflection[found] = -1, -1
             truth[found] = math.nan
             found += 1
-        order = np.argsort(z[:found, 0])
+        ascending(z[:, 0], found, order)
         out.detections[i] = min(found, most)
         for j in range(out.detections[i]):
             k = order[j]

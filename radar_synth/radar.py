@@ -4,6 +4,7 @@ Everything is in the vehicle's axes (ISO 8855): azimuth left of the vehicle's ax
 range rate positive when opening. The radar looks straight ahead.
 """
 
+import functools
 import math
 from typing import Any, NamedTuple, Self
 
@@ -145,6 +146,7 @@ class ScanTruth(NamedTuple):
     vy_mps: Array
 
 
+@functools.cache
 def numbers(radar: Radar) -> RadarNumbers:
     """The kernel's view of the settings."""
     r = radar

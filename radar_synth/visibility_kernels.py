@@ -240,13 +240,43 @@ def _may_be_seen(forward, left, size, radar):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def ascending(values, count, order):  # type: ignore[no-untyped-def]
+    """The order (indices into `order`) of the first `count` values, equal ones as they stand.
+
+    By insertion: they are some dozens, and numba's own sorting is long to compile.
+    """
+    for i in range(count):
+        j = i
+        while j > 0 and values[order[j - 1]] > values[i]:
+            order[j] = order[j - 1]
+            j -= 1
+        order[j] = i
+
+
+@kernel
+def _first_from(values, least):  # type: ignore[no-untyped-def]
+    """Index of the first of the ascending `values` that is at least `least`."""
+    low, high = 0, values.size
+    while low < high:
+        middle = (low + high) // 2
+        if values[middle] < least:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@kernel
 def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: ignore[no-untyped-def]
     """Objects in view of n vehicles into `out` (Objects, n x M); how many of each, (n,)."""
     n, M = out.forward_m.shape
     vehicles, posts = snapshot.handle.size, roadside.handle.size
     index, distance = np.empty(vehicles + posts, np.int64), np.empty(vehicles + posts)
+    order = np.empty(vehicles + posts, np.int64)
     used = np.zeros(n, np.int64)
-    furthest = radar.beam_range.max() + 30.0
+    furthest = 0.0
+    for k in range(radar.beam_range.size):
+        furthest = max(furthest, radar.beam_range[k] + 30.0)
     for i in range(n):
         if not (math.isfinite(x[i]) and math.isfinite(y[i])):
             continue
@@ -264,7 +294,7 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: igno
             if _may_be_seen(forward - radar.forward, left - radar.left, size, radar):
                 index[found], distance[found] = k, math.hypot(forward, left)
                 found += 1
-        first = np.searchsorted(roadside.x_m, x[i] - furthest)
+        first = _first_from(roadside.x_m, x[i] - furthest)
         while first < posts and roadside.x_m[first] <= x[i] + furthest:
             dx, dy = roadside.x_m[first] - x[i], roadside.y_m[first] - y[i]
             forward, left = c * dx + s * dy, c * dy - s * dx
@@ -273,7 +303,7 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: igno
                 index[found], distance[found] = vehicles + first, math.hypot(forward, left)
                 found += 1
             first += 1
-        order = np.argsort(distance[:found], kind="mergesort")
+        ascending(distance, found, order)
         used[i] = min(found, M)
         for m in range(used[i]):
             k = index[order[m]]

@@ -167,7 +167,8 @@ def evolve(maps, roads, sign, low, high, widths, generations, key, counter, numb
             chosen, draw = spin(weights, key, draw)
             children[i] = population[chosen]
             inherited[i] = fitness[chosen]
-        population[:] = children
+        for i in range(size):  # a slice would bring in numba's error message, two seconds to compile
+            population[i] = children[i]
         # crossover of an individual with the next one
         for i in range(1, size - 1):
             if uniform(key, draw + np.uint64(i)) < numbers.crossover_rate:
@@ -247,7 +248,9 @@ def search_kernel(frames, state, numbers, after):  # type: ignore[no-untyped-def
         grey = road_grey(frames[v], numbers.region[0], numbers.region[1], numbers.region[2])
         counter = np.uint64(state.frame[v]) << np.uint64(FRAME_SHIFT)
         shift = _lane_shift(state.age[v], state.border[v], numbers)
-        last[:] = state.border[v]
+        for one in range(2):
+            for parameter in range(3):
+                last[one, parameter] = state.border[v, one, parameter]
         if shift != 0:
             crossed, far = (0, 1) if shift > 0 else (1, 0)
             for parameter in range(3):
