@@ -29,6 +29,15 @@ KERNELS: list[Any] = []  # those of all modules that were imported
 
 def kernel(function: _F) -> _F:
     """Compile `function` in nopython mode at its first call and keep the result on disk."""
+    return _compiled(function, {})
+
+
+def inlined(function: _F) -> _F:
+    """`kernel`, for small matrices: LLVM puts it into those that call it, where the sizes are constants."""
+    return _compiled(function, {"forceinline": True})
+
+
+def _compiled(function: _F, options: dict[str, Any]) -> _F:
     compiled: Any = numba.njit(**_OPTIONS)(function)
     try:
         compiled._cache = _Cache(function)  # what njit(cache=True) does with numba's own
@@ -37,9 +46,9 @@ def kernel(function: _F) -> _F:
             "no folder for compiled kernels can be written, every process compiles them anew (about a "
             "minute): set NUMBA_CACHE_DIR to one that can",
             RuntimeWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
-    inner = functools.cache(lambda: numba.njit(**_OPTIONS, no_cpython_wrapper=True)(function))
+    inner = functools.cache(lambda: numba.njit(**_OPTIONS, **options, no_cpython_wrapper=True)(function))
     compiled.get_call_template = lambda args, kws: inner().get_call_template(args, kws)
     compiled.get_overload = lambda sig: inner().get_overload(sig)
     KERNELS.append(compiled)

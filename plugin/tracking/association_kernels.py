@@ -1,4 +1,4 @@
-"""The gate over the whole fleet."""
+"""The gate over the whole fleet, and the global nearest neighbour."""
 
 import math
 
@@ -10,12 +10,12 @@ from sumo_net.frames import wrap_angle
 
 
 @kernel
-def gate_pairs(z_pred, S, track_label, track_first, z, label, first, angle, gate, label_gate):  # type: ignore[no-untyped-def]
+def gate_pairs(z_pred, S, track_label, track_owner, z, label, owner, angle, gate, label_gate):  # type: ignore[no-untyped-def]
     """All (track, detection) pairs of one vehicle with yᵀ S⁻¹ y ≤ gate, in order of track and detection.
 
-    Tracks z_pred (T, 3), S (T, 3, 3) and detections z (D, 3) are sorted by vehicle; vehicle v has the tracks
-    track_first[v]:track_first[v + 1] and the detections first[v]:first[v + 1]. Where labels (-1: none) are
-    given only equal ones pair, within `label_gate`. Gives track (E,), detection (E,), distance squared (E,).
+    Tracks z_pred (T, 3), S (T, 3, 3) and detections z (D, 3) are sorted by vehicle: track_owner (T,) and
+    owner (D,). Where labels (-1: none) are given only equal ones pair, within `label_gate`. Gives track (E,),
+    detection (E,), distance squared (E,).
     """
     tracks, m = len(z_pred), MEASURED
     room = max(16, 2 * tracks)
@@ -23,35 +23,40 @@ def gate_pairs(z_pred, S, track_label, track_first, z, label, first, angle, gate
     distance = np.empty(room)
     used = 0
     L, y, w = np.empty((m, m)), np.empty(m), np.empty(m)
-    for v in range(len(first) - 1):
-        if first[v] == first[v + 1]:
-            continue
-        for t in range(track_first[v], track_first[v + 1]):
-            limit = gate if track_label[t] < 0 else label_gate
-            definite = cholesky(S[t], L)
-            for d in range(first[v], first[v + 1]):
-                if not definite or track_label[t] != label[d]:
-                    continue
-                inside = True
-                for i in range(m):
-                    y[i] = z[d, i] - z_pred[t, i]
-                    if angle[i]:
-                        y[i] = wrap_angle(y[i])
-                    if not y[i] * y[i] <= limit * S[t, i, i]:  # no component may exceed the gate alone
-                        inside = False
-                        break
-                if not inside:
-                    continue
-                squared = mahalanobis(L, y, w)
-                if not squared <= limit or math.isnan(squared):
-                    continue
-                if used == room:
-                    room *= 2
-                    of_track = _grown(of_track, room)
-                    of_detection = _grown(of_detection, room)
-                    distance = _grown(distance, room)
-                of_track[used], of_detection[used], distance[used] = t, d, squared
-                used += 1
+    first, end = 0, 0  # of the vehicle's detections
+    for t in range(tracks):
+        if t == 0 or track_owner[t] != track_owner[t - 1]:
+            first = end
+            while first < len(owner) and owner[first] < track_owner[t]:
+                first += 1
+            end = first
+            while end < len(owner) and owner[end] == track_owner[t]:
+                end += 1
+        limit = gate if track_label[t] < 0 else label_gate
+        positive = cholesky(S[t], L)
+        for d in range(first, end):
+            if not positive or track_label[t] != label[d]:
+                continue
+            inside = True
+            for i in range(m):
+                y[i] = z[d, i] - z_pred[t, i]
+                if angle[i]:
+                    y[i] = wrap_angle(y[i])
+                if not y[i] * y[i] <= limit * S[t, i, i]:  # no component may exceed the gate alone
+                    inside = False
+                    break
+            if not inside:
+                continue
+            squared = mahalanobis(L, y, w)
+            if not squared <= limit or math.isnan(squared):
+                continue
+            if used == room:
+                room *= 2
+                of_track = _grown(of_track, room)
+                of_detection = _grown(of_detection, room)
+                distance = _grown(distance, room)
+            of_track[used], of_detection[used], distance[used] = t, d, squared
+            used += 1
     return of_track[:used], of_detection[:used], distance[:used]
 
 
@@ -59,4 +64,96 @@ def gate_pairs(z_pred, S, track_label, track_first, z, label, first, angle, gate
 def _grown(a, room):  # type: ignore[no-untyped-def]
     out = np.empty(room, a.dtype)
     out[: len(a)] = a
+    return out
+
+
+@kernel
+def assign(track, detection, distance, tracks, detections, cost_unassigned):  # type: ignore[no-untyped-def]
+    """The detection of each track or -1, (tracks,), at the least total cost; arguments as in `association`.
+
+    Shortest augmenting paths with dual variables (Crouse 2016, On implementing 2D rectangular assignment
+    algorithms, Algorithm 1), track after track, on the pairs alone: a path never leaves the tracks and
+    detections that hang together. Beside the detections each track has a column of its own, "no detection".
+    """
+    edges, columns = len(track), detections + tracks
+    begin = np.zeros(tracks + 1, np.int64)
+    for e in range(edges):
+        begin[track[e] + 1] += 1
+    for t in range(tracks):
+        begin[t + 1] += begin[t]
+    chosen, holder = np.empty(tracks, np.int64), np.empty(columns, np.int64)  # column of a track, and back
+    chosen[:], holder[:] = -1, -1
+    u, v = np.zeros(tracks), np.zeros(columns)  # dual variables
+    shortest, through = np.empty(columns), np.empty(columns, np.int64)
+    shortest[:] = math.inf
+    done = np.zeros(columns, np.bool_)
+    touched, rows = np.empty(columns, np.int64), np.empty(tracks, np.int64)
+    for start in range(tracks):
+        if begin[start] == begin[start + 1]:
+            continue
+        reached, passed, row, lowest, sink = 0, 0, start, 0.0, -1
+        while sink < 0:
+            rows[passed] = row
+            passed += 1
+            for e in range(begin[row], begin[row + 1] + 1):
+                own = e == begin[row + 1]
+                column = detections + row if own else detection[e]
+                if done[column]:
+                    continue
+                reduced = lowest + (cost_unassigned[row] if own else distance[e]) - u[row] - v[column]
+                if reduced < shortest[column]:
+                    if shortest[column] == math.inf:
+                        touched[reached] = column
+                        reached += 1
+                    shortest[column], through[column] = reduced, row
+            nearest = -1
+            for k in range(reached):
+                column = touched[k]
+                if not done[column] and (nearest < 0 or shortest[column] < shortest[nearest]):
+                    nearest = column
+            lowest, done[nearest] = shortest[nearest], True
+            if holder[nearest] < 0:
+                sink = nearest
+            else:
+                row = holder[nearest]
+        u[start] += lowest
+        for k in range(1, passed):
+            u[rows[k]] += lowest - shortest[chosen[rows[k]]]
+        for k in range(reached):
+            column = touched[k]
+            if done[column]:
+                v[column] -= lowest - shortest[column]
+            shortest[column], done[column] = math.inf, False
+        column = sink
+        while True:  # back along the path
+            row = through[column]
+            holder[column], chosen[row], column = row, column, chosen[row]
+            if row == start:
+                break
+    for t in range(tracks):
+        if chosen[t] >= detections:
+            chosen[t] = -1
+    return chosen
+
+
+@kernel
+def suppressed(track, detection, chosen, confirmed, detections):  # type: ignore[no-untyped-def]
+    """Which detections (D,) lie in the gate of a confirmed track that has one: points of that body."""
+    out = np.zeros(detections, np.bool_)
+    for e in range(len(track)):
+        if confirmed[track[e]] and chosen[track[e]] >= 0:
+            out[detection[e]] = True
+    return out
+
+
+@kernel
+def definite(S):  # type: ignore[no-untyped-def]
+    """Whether each S (T, 3, 3) is finite and positive definite, by its leading minors (T,)."""
+    out = np.empty(len(S), np.bool_)
+    for t in range(len(S)):
+        a, b, c = S[t, 0, 0], S[t, 1, 1], S[t, 2, 2]
+        d, e, f = S[t, 0, 1], S[t, 0, 2], S[t, 1, 2]
+        second = a * b - d * d
+        third = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
+        out[t] = a > 0.0 and second > 0.0 and third > 0.0 and math.isfinite(third)
     return out

@@ -76,13 +76,8 @@ def update(
     check_states(state.x)
     check_measured(H)
     angle = np.zeros(len(H), np.bool_) if angle is None else angle
-    x, P, mu, sound = kernels.update(*state, z, seen, H, R, angle)
-    return ImmState(x, P, mu), sound
-
-
-def mean(state: ImmState) -> Array:
-    """The mixture's mean (T, n), which is `combine(state).x`."""
-    return np.asarray(kernels.means(state.x, state.mu))
+    after = ImmState(*(part.copy() for part in state))
+    return after, kernels.update(*after, z, seen, H, R, angle)
 
 
 def combine(state: ImmState) -> Gaussian:

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from plugin.tracking.kalman_kernels import MEASURED, STATES, predict_one, update_one
-from sumo_net.compile import kernel
+from sumo_net.compile import inlined, kernel
 from sumo_net.frames import wrap_angle
 
 
-@kernel
+@inlined
 def mix_one(x, P, mu, markov, x0, P0, c, w):  # type: ignore[no-untyped-def]
     """Step 1: the mixed initial conditions of each model and c[j] = Σᵢ Π[i, j] μ[i].
 
@@ -56,34 +56,48 @@ def predict(x, P, mu, F, Q, markov, which, shift):  # type: ignore[no-untyped-de
     return xp, Pp, c
 
 
+@inlined
+def _innovation(x, z, H, angle, y):  # type: ignore[no-untyped-def]
+    """y = z − H x (m,), angles wrapped."""
+    for i in range(MEASURED):
+        total = z[i]
+        for k in range(STATES):
+            total -= H[i, k] * x[k]
+        y[i] = wrap_angle(total) if angle[i] else total
+
+
 @kernel
 def update(x, P, mu, z, seen, H, R, angle):  # type: ignore[no-untyped-def]
-    """Steps 2 and 3: every model's update, and the mode probabilities by their log-likelihoods.
+    """Steps 2 and 3 in place: every model's update, and the mode probabilities by their log-likelihoods.
 
     Shapes as in `predict`; z (T, m), seen (T,), H (m, n), R (m, m), angle (m,). The probabilities are taken
     relative to the likeliest mode, so that no underflow of all of them can occur. Where nothing is seen all
-    stays as predicted. Where some model's innovation covariance is not positive definite, `sound` is False
-    and the probabilities stay as predicted.
+    stays as predicted. Where some model's innovation covariance is not positive definite, `sound` (T,), which
+    is given back, is False and the probabilities stay as predicted.
     """
     tracks, r, n = len(x), x.shape[1], STATES
     m = MEASURED
-    x, P, mu = x.copy(), P.copy(), mu.copy()
     sound = np.ones(tracks, np.bool_)
     y, K, S, L = np.empty(m), np.empty((n, m)), np.empty((m, m)), np.empty((m, m))
     A, work, log_mu = np.empty((n, n)), np.empty((n, n)), np.empty(r)
+    one_x, one_P = np.empty(n), np.empty((n, n))
     for t in range(tracks):
         if not seen[t]:
             continue
         highest = -math.inf
         for j in range(r):
-            for i in range(m):
-                total = z[t, i]
-                for k in range(n):
-                    total -= H[i, k] * x[t, j, k]
-                y[i] = wrap_angle(total) if angle[i] else total
-            log_likelihood = update_one(x[t, j], P[t, j], y, H, R, K, S, L, A, work)
+            for a in range(n):
+                one_x[a] = x[t, j, a]
+                for b in range(n):
+                    one_P[a, b] = P[t, j, a, b]
+            _innovation(one_x, z[t], H, angle, y)
+            log_likelihood = update_one(one_x, one_P, y, H, R, K, S, L, A, work)
             if math.isnan(log_likelihood):
                 sound[t] = False
+            for a in range(n):
+                x[t, j, a] = one_x[a]
+                for b in range(n):
+                    P[t, j, a, b] = one_P[a, b]
             log_mu[j] = log_likelihood + (math.log(mu[t, j]) if mu[t, j] > 0.0 else -math.inf)
             highest = max(highest, log_mu[j])
         if not sound[t]:
@@ -94,19 +108,7 @@ def update(x, P, mu, z, seen, H, R, angle):  # type: ignore[no-untyped-def]
             total += mu[t, j]
         for j in range(r):
             mu[t, j] /= total
-    return x, P, mu, sound
-
-
-@kernel
-def means(x, mu):  # type: ignore[no-untyped-def]
-    """The mean (T, n) of step 4 alone."""
-    tracks, r, n = len(x), x.shape[1], STATES
-    mean = np.zeros((tracks, n))
-    for t in range(tracks):
-        for j in range(r):
-            for a in range(n):
-                mean[t, a] += mu[t, j] * x[t, j, a]
-    return mean
+    return sound
 
 
 @kernel
@@ -129,3 +131,42 @@ def combine(x, P, mu):  # type: ignore[no-untyped-def]
             for b in range(a):
                 covariance[t, a, b] = covariance[t, b, a]
     return mean, covariance
+
+
+@kernel
+def expect(x, P, mu, R, seen):  # type: ignore[no-untyped-def]
+    """Mean (T, m) and covariance (T, m, m) of what will be measured: the mixture's states `seen` (m,) with R.
+
+    Where z is some of the states, H selecting them, this is H of `combine` with R added.
+    """
+    tracks, r, m = len(x), x.shape[1], MEASURED
+    mean, S = np.zeros((tracks, m)), np.zeros((tracks, m, m))
+    for t in range(tracks):
+        for j in range(r):
+            for a in range(m):
+                mean[t, a] += mu[t, j] * x[t, j, seen[a]]
+        for j in range(r):
+            weight = mu[t, j]
+            if weight > 0.0:
+                for a in range(m):
+                    for b in range(m):
+                        spread = (x[t, j, seen[a]] - mean[t, a]) * (x[t, j, seen[b]] - mean[t, b])
+                        S[t, a, b] += weight * (P[t, j, seen[a], seen[b]] + spread)
+        for a in range(m):
+            for b in range(m):
+                S[t, a, b] += R[a, b]
+    return mean, S
+
+
+@kernel
+def finite(P):  # type: ignore[no-untyped-def]
+    """Whether all of P (T, r, n, n) are numbers, (T,)."""
+    out = np.ones(len(P), np.bool_)
+    for t in range(len(P)):
+        total = 0.0
+        for j in range(P.shape[1]):
+            for a in range(STATES):
+                for b in range(STATES):
+                    total += P[t, j, a, b]
+        out[t] = math.isfinite(total)
+    return out

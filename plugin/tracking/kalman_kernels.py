@@ -2,7 +2,8 @@
 
 The matrices of tracking are small and half empty (block-diagonal F, selecting H), so the products skip zeros.
 All models of tracking here have six states and three measured components; as constants they let the compiler
-unroll, which halves the time. (n, m in the shapes below.)
+unroll, which halves the time. (n, m in the shapes below.) For that, what works on one track is put whole into
+the kernels over all tracks, which copy a track into arrays of constant size.
 
 Every batch takes T tracks along the first axis; which transition a track takes is an index into U of them,
 since most tracks of a fleet share one time step.
@@ -12,14 +13,14 @@ import math
 
 import numpy as np
 
-from sumo_net.compile import kernel
+from sumo_net.compile import inlined, kernel
 from sumo_net.frames import wrap_angle
 
 STATES, MEASURED = 6, 3
 LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
-@kernel
+@inlined
 def congruence(A, P, work, out):  # type: ignore[no-untyped-def]
     """out = A P Aᵀ for a symmetric P (n, n), exactly symmetric; `work` (n, n) is scratch. out may be P."""
     n = STATES
@@ -43,7 +44,7 @@ def congruence(A, P, work, out):  # type: ignore[no-untyped-def]
             out[j, i] = out[i, j]
 
 
-@kernel
+@inlined
 def cholesky(S, L):  # type: ignore[no-untyped-def]
     """Lower L of S = L Lᵀ into `L`; False where S is not positive definite (L is then unfinished)."""
     n = MEASURED
@@ -61,7 +62,7 @@ def cholesky(S, L):  # type: ignore[no-untyped-def]
     return True
 
 
-@kernel
+@inlined
 def solve_cholesky(L, b):  # type: ignore[no-untyped-def]
     """Solve L Lᵀ y = b in place of b (n,)."""
     n = MEASURED
@@ -77,7 +78,7 @@ def solve_cholesky(L, b):  # type: ignore[no-untyped-def]
         b[i] = total / L[i, i]
 
 
-@kernel
+@inlined
 def predict_one(x, P, F, Q, shift, xp, Pp, work):  # type: ignore[no-untyped-def]
     """xp = F x + shift, Pp = F P Fᵀ + Q. xp, Pp may not be x, P."""
     n = STATES
@@ -92,7 +93,7 @@ def predict_one(x, P, F, Q, shift, xp, Pp, work):  # type: ignore[no-untyped-def
             Pp[i, j] += Q[i, j]
 
 
-@kernel
+@inlined
 def innovation_covariance(P, H, R, PHt, S):  # type: ignore[no-untyped-def]
     """PHt = P Hᵀ (n, m) and S = H P Hᵀ + R (m, m)."""
     m, n = MEASURED, STATES
@@ -114,7 +115,7 @@ def innovation_covariance(P, H, R, PHt, S):  # type: ignore[no-untyped-def]
                     S[i, j] += h * PHt[k, j]
 
 
-@kernel
+@inlined
 def joseph(P, K, H, R, A, work):  # type: ignore[no-untyped-def]
     """P = (I − K H) P (I − K H)ᵀ + K R Kᵀ in place: symmetric and non-negative for any gain K (n, m)."""
     n, m = STATES, MEASURED
@@ -143,7 +144,7 @@ def joseph(P, K, H, R, A, work):  # type: ignore[no-untyped-def]
             P[j, i] = total
 
 
-@kernel
+@inlined
 def mahalanobis(L, y, w):  # type: ignore[no-untyped-def]
     """yᵀ S⁻¹ y with S = L Lᵀ; w (m,) is scratch."""
     total = 0.0
@@ -156,7 +157,7 @@ def mahalanobis(L, y, w):  # type: ignore[no-untyped-def]
     return total
 
 
-@kernel
+@inlined
 def update_one(x, P, y, H, R, K, S, L, A, work):  # type: ignore[no-untyped-def]
     """Update x (n,) and P (n, n) in place with the innovation y (m,), m ≤ n; give its log-likelihood.
 

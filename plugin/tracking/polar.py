@@ -4,10 +4,12 @@
 acceleration, so that an object that does not manoeuvre looks so also from a turning or braking vehicle.
 """
 
+import functools
+
 import numpy as np
 from pydantic import Field
 
-from plugin.tracking import imm, polar_kernels
+from plugin.tracking import imm, imm_kernels, polar_kernels
 from plugin.tracking.detections import Array, Detections, Estimate, SensorMotion
 from plugin.tracking.imm import ImmState
 from plugin.tracking.kalman_kernels import STATES
@@ -19,7 +21,6 @@ from plugin.tracking.models import (
     markov_powers,
     polar_models,
 )
-from sumo_net.frames import wrap_angle
 from sumo_net.settings import settings
 
 _SEEN = np.array([0, 1, 3])  # which states are measured
@@ -87,25 +88,28 @@ class PolarFilter:
         return imm.init(x, P, np.full(len(self.models.names), 1.0 / len(self.models.names)))
 
     def predict(self, state: ImmState, owner: Array, dt: Array, sensor: SensorMotion) -> ImmState:
-        steps, which = np.unique(dt, return_inverse=True)
-        F, Q = self.models.transition(steps)
-        markov = markov_powers(self.markov, steps, self._step_s)
+        if len(dt) and dt[0] == dt.min() == dt.max():
+            (F, Q, markov), which = self._transition(float(dt[0])), np.zeros(len(dt), np.int64)
+        else:
+            steps, which = np.unique(dt, return_inverse=True)
+            F, Q = self.models.transition(steps)
+            markov = markov_powers(self.markov, steps, self._step_s)
         return ImmState(*polar_kernels.predict(*state, F, Q, markov, which[owner], owner, dt, sensor))
 
     def expect(self, state: ImmState, owner: Array, sensor: SensorMotion) -> tuple[Array, Array]:
-        mean = imm.combine(state)
-        return mean.x[:, _SEEN], mean.P[:, _SEEN[:, None], _SEEN] + self._R
+        expected, S = imm_kernels.expect(*state, self._R, _SEEN)
+        return expected, S
 
     def measure(self, detections: Detections) -> Array:
         return np.stack([detections.range_m, detections.range_rate_mps, detections.azimuth_rad], axis=1)
 
     def update(self, state: ImmState, z: Array, seen: Array, owner: Array, sensor: SensorMotion) -> ImmState:
-        updated, _ = imm.update(state, z, seen, POLAR_H, self._R, POLAR_ANGLE)
-        return updated
+        imm_kernels.update(*state, z, seen, POLAR_H, self._R, POLAR_ANGLE)
+        return state
 
     def lost(self, state: ImmState) -> Array:
         """By construction they stay non-negative; only numbers can be lost."""
-        return ~np.isfinite(state.P.sum(axis=(1, 2, 3)))
+        return ~np.asarray(imm_kernels.finite(state.P))
 
     def restart(self, state: ImmState, rows: Array) -> ImmState:
         """Covariances as of new tracks and even mode probabilities for `rows` (T,) bool."""
@@ -120,20 +124,11 @@ class PolarFilter:
         return ImmState(state.x, P, mu)
 
     def estimate(self, state: ImmState, owner: Array, sensor: SensorMotion) -> Estimate:
-        r, rate, a_r, azimuth, lam, a_lam = imm.mean(state).T
-        c, s = np.cos(azimuth), np.sin(azimuth)
-        across = r * lam
-        a_t = r * a_lam
-        cv = self.models.names.index("cv") if "cv" in self.models.names else None
-        return Estimate(
-            r,
-            rate,
-            wrap_angle(azimuth),
-            r * c + self._mount,
-            r * s,
-            rate * c - across * s + sensor.vx[owner],
-            rate * s + across * c + sensor.vy[owner],
-            a_r * c - a_t * s,
-            a_r * s + a_t * c,
-            state.mu[:, cv] if cv is not None else np.full(len(r), np.nan),
-        )
+        cv = self.models.names.index("cv") if "cv" in self.models.names else -1
+        return Estimate(*polar_kernels.estimate(state.x, state.mu, owner, sensor, self._mount, cv))
+
+    @functools.lru_cache(maxsize=8)  # noqa: B019 (a filter lives as long as its run)
+    def _transition(self, dt_s: float) -> tuple[Array, Array, Array]:
+        """F, Q and Π of one time step, (1, r, …) each."""
+        step = np.array([dt_s])
+        return *self.models.transition(step), markov_powers(self.markov, step, self._step_s)

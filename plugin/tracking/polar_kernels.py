@@ -6,12 +6,13 @@ import numpy as np
 
 from plugin.tracking.imm_kernels import mix_one
 from plugin.tracking.kalman_kernels import STATES, congruence
-from sumo_net.compile import kernel
+from sumo_net.compile import inlined, kernel
+from sumo_net.frames import wrap_angle
 
 _NEAREST_M = 0.5
 
 
-@kernel
+@inlined
 def bend(x, G, h, sensor, v):  # type: ignore[no-untyped-def]
     """Bend a state x (6,) before its linear prediction over h, in place; G (6, 6) gets the Jacobian.
 
@@ -55,24 +56,51 @@ def predict(x, P, mu, F, Q, markov, which, owner, dt, sensor):  # type: ignore[n
     tracks, r, n = len(x), x.shape[1], STATES
     xp, Pp, c = np.empty_like(x), np.empty_like(P), np.empty_like(mu)
     x0, P0, w, work = np.empty((r, n)), np.empty((r, n, n)), np.empty(r), np.empty((n, n))
-    G, A = np.eye(n), np.empty((n, n))
+    G, A, out = np.eye(n), np.empty((n, n)), np.empty((n, n))
     for t in range(tracks):
         u, v = which[t], owner[t]
         mix_one(x[t], P[t], mu[t], markov[u], x0, P0, c[t], w)
         for j in range(r):
             bend(x0[j], G, dt[v], sensor, v)
             for i in range(n):
-                xp[t, j, i] = 0.0
+                total = 0.0
                 for b in range(n):
                     A[i, b] = 0.0
                 for a in range(n):
                     f = F[u, j, i, a]
                     if f != 0.0:
-                        xp[t, j, i] += f * x0[j, a]
+                        total += f * x0[j, a]
                         for b in range(n):
                             A[i, b] += f * G[a, b]
-            congruence(A, P0[j], work, Pp[t, j])
+                xp[t, j, i] = total
+            congruence(A, P0[j], work, out)
             for i in range(n):
                 for b in range(n):
-                    Pp[t, j, i, b] += Q[u, j, i, b]
+                    Pp[t, j, i, b] = out[i, b] + Q[u, j, i, b]
     return xp, Pp, c
+
+
+@kernel
+def estimate(x, mu, owner, sensor, mount, cv):  # type: ignore[no-untyped-def]
+    """The parts of an Estimate, (10, T), of the mixtures x (T, r, 6), mu (T, r).
+
+    owner (T,) into `sensor`, a SensorMotion; mount: of the radar, ahead of the centre of gravity; cv: the
+    model of constant velocity, -1 for none.
+    """
+    tracks, r = len(x), x.shape[1]
+    out, mean = np.empty((10, tracks)), np.empty(STATES)
+    for t in range(tracks):
+        for a in range(STATES):
+            mean[a] = 0.0
+            for j in range(r):
+                mean[a] += mu[t, j] * x[t, j, a]
+        distance, rate, azimuth = mean[0], mean[1], mean[3]
+        c, s = math.cos(azimuth), math.sin(azimuth)
+        across, turning = distance * mean[4], distance * mean[5]
+        out[0, t], out[1, t], out[2, t] = distance, rate, wrap_angle(azimuth)
+        out[3, t], out[4, t] = distance * c + mount, distance * s
+        out[5, t] = rate * c - across * s + sensor.vx[owner[t]]
+        out[6, t] = rate * s + across * c + sensor.vy[owner[t]]
+        out[7, t], out[8, t] = mean[2] * c - turning * s, mean[2] * s + turning * c
+        out[9, t] = mu[t, cv] if cv >= 0 else math.nan
+    return out

@@ -12,11 +12,11 @@ from pydantic import Field, model_validator
 
 from plugin.tracking import classification
 from plugin.tracking.association import NONE, assign
-from plugin.tracking.association_kernels import gate_pairs
+from plugin.tracking.association_kernels import definite, gate_pairs, suppressed
 from plugin.tracking.classification import ClassSettings, ClassState
 from plugin.tracking.detections import Array, Detections, EgoMotion, Estimate, SensorMotion, sensor_motion
 from plugin.tracking.filters import FilterName, FilterSettings, make
-from sumo_net.batch import join, select
+from sumo_net.batch import select, select_joined
 from sumo_net.settings import settings
 
 _LONGEST_HISTORY = 60
@@ -139,12 +139,13 @@ class Tracker:
         order = np.argsort(detections.owner, kind="stable")
         sorted_detections = select(detections, order)
 
-        state = _kept(state, dt[state.tracks.owner] <= options.coast_s)
+        if n and dt.max() > options.coast_s:
+            state = _kept(state, dt[state.tracks.owner] <= options.coast_s)
         state = state._replace(filter=self._filter.predict(state.filter, state.tracks.owner, dt, sensor))
         lost = self._filter.lost(state.filter)
         if lost.any():
             state = self._restart(state, lost)
-        chosen, suppressed, z, state = self._associate(state, sorted_detections, sensor)
+        chosen, double, z, state = self._associate(state, sorted_detections, sensor)
         seen = chosen >= 0
         given = z[chosen] if len(z) else np.zeros((len(chosen), 3))
         owner = state.tracks.owner
@@ -152,15 +153,16 @@ class Tracker:
         tracks = self._age(state.tracks, seen, dt)
         estimate = self._filter.estimate(state.filter, owner, sensor)
         alive = self._alive(tracks, estimate)
-        free = ~suppressed
+        free = ~double
         free[chosen[seen]] = False
-        alive &= seen | ~_named(tracks, sorted_detections, free)  # the target has jumped away from its track
+        if (tracks.label >= 0).any():
+            alive &= seen | ~_named(
+                tracks, sorted_detections, free
+            )  # the target has jumped away from its track
         state, begun = state._replace(tracks=tracks), np.flatnonzero(free)
         if len(begun):  # the dead leave and the new take their places in one go: covariances are large
-            rows = np.concatenate([np.flatnonzero(alive), len(alive) + np.arange(len(begun))])
-            state = self._begin(state, select(sorted_detections, begun), sensor)
-            rows = rows[np.argsort(state.tracks.owner[rows], kind="stable")]
-            state, chosen = _select(state, rows), np.concatenate([chosen, begun])[rows]
+            state, rows = self._begin(state, alive, select(sorted_detections, begun), sensor)
+            chosen = np.concatenate([chosen, begun])[rows]
         else:
             state, chosen = _kept(state, alive), chosen[alive]
         return self._classify(state, chosen, order, ego, sensor)
@@ -169,22 +171,21 @@ class Tracker:
         self, state: TrackerState, detections: Detections, sensor: SensorMotion
     ) -> tuple[Array, Array, Array, TrackerState]:
         """Detection of each track or -1, which detections may not begin a track, z, and the state."""
-        options, tracks, n = self.options, state.tracks, len(state.next_id)
+        options, tracks = self.options, state.tracks
         expected, S = self._filter.expect(state.filter, tracks.owner, sensor)
-        lost = ~_positive(S)
+        lost = ~definite(S)
         if lost.any():
             state = self._restart(state, lost)
             expected, S = self._filter.expect(state.filter, tracks.owner, sensor)
-        expected, S = np.ascontiguousarray(expected), np.ascontiguousarray(S)
-        z, rows = self._filter.measure(detections), np.arange(n + 1)
+        z = self._filter.measure(detections)
         track, detection, distance = gate_pairs(
             expected,
             S,
             tracks.label,
-            np.searchsorted(tracks.owner, rows),
+            tracks.owner,
             z,
             detections.label,
-            np.searchsorted(detections.owner, rows),
+            detections.owner,
             self._filter.angle,
             options.gate,
             options.label_gate,
@@ -192,10 +193,7 @@ class Tracker:
         gate = np.where(tracks.label < 0, options.gate, options.label_gate)
         cost = gate * np.where(tracks.confirmed, 2.0, 1.0)  # a confirmed track has the first choice
         chosen = assign(track, detection, distance, len(tracks.owner), len(z), cost)
-        # A second detection inside the gate of a confirmed track that has one: another point of that body.
-        suppressed = np.zeros(len(z), np.bool_)
-        suppressed[detection[tracks.confirmed[track] & (chosen[track] >= 0)]] = True
-        return chosen, suppressed, z, state
+        return chosen, suppressed(track, detection, chosen, tracks.confirmed, len(z)), z, state
 
     def _restart(self, state: TrackerState, lost: Array) -> TrackerState:
         tracks = state.tracks
@@ -225,8 +223,13 @@ class Tracker:
         near = (estimate.range_m > options.nearest_m) & (estimate.range_m < options.furthest_m)
         return hopeful & coasting & near & (speed < options.fastest_mps)
 
-    def _begin(self, state: TrackerState, detections: Detections, sensor: SensorMotion) -> TrackerState:
-        """New tracks; one with a given target is confirmed at once, its association being certain."""
+    def _begin(
+        self, state: TrackerState, alive: Array, detections: Detections, sensor: SensorMotion
+    ) -> tuple[TrackerState, Array]:
+        """The state with the tracks that are `alive` and new ones, and their rows, the new ones' counted on.
+
+        A new track with a given target is confirmed at once, its association being certain.
+        """
         count = len(detections.owner)
         owner = detections.owner  # sorted: number the new tracks within each vehicle
         within = np.arange(count) - np.searchsorted(owner, owner)
@@ -242,12 +245,15 @@ class Tracker:
             confirmed,
             zeros,
         )
+        rows = np.concatenate([np.flatnonzero(alive), len(alive) + np.arange(count)])
+        owners = np.concatenate([state.tracks.owner, owner])
+        rows = rows[np.argsort(owners[rows], kind="stable")]
         return TrackerState(
-            join(state.tracks, new),
-            join(state.filter, self._filter.start(detections, sensor)),
-            join(state.classes, classification.init(count)),
+            select_joined(state.tracks, new, rows),
+            select_joined(state.filter, self._filter.start(detections, sensor), rows),
+            select_joined(state.classes, classification.init(count), rows),
             state.next_id + np.bincount(owner, minlength=len(state.next_id)),
-        )
+        ), rows
 
     def _classify(
         self, state: TrackerState, chosen: Array, order: Array, ego: EgoMotion, sensor: SensorMotion
@@ -305,13 +311,3 @@ def _named(tracks: Tracks, detections: Detections, free: Array) -> Array:
         own = np.stack([tracks.owner, tracks.label], axis=1)
         named = (own[:, None] == given[None]).all(axis=2).any(axis=1)
     return named
-
-
-def _positive(S: Array) -> Array:
-    """Whether each S (T, 3, 3) is finite and positive definite, by its leading minors (T,)."""
-    a, b, c = S[:, 0, 0], S[:, 1, 1], S[:, 2, 2]
-    d, e, f = S[:, 0, 1], S[:, 0, 2], S[:, 1, 2]
-    with np.errstate(all="ignore"):
-        second = a * b - d * d
-        third = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
-        return (a > 0) & (second > 0) & (third > 0) & np.isfinite(third)

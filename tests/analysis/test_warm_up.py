@@ -20,8 +20,10 @@ KERNELS = {
         degrade_kernels.measure,
         polar_kernels.predict,
         imm_kernels.update,
-        imm_kernels.combine,
+        imm_kernels.expect,
+        polar_kernels.estimate,
         association_kernels.gate_pairs,
+        association_kernels.assign,
     ],
 }
 
