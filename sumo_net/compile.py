@@ -7,7 +7,7 @@ The cache is beside the code, or, where that cannot be written, in the user's ow
 reason to fail: what is broken in it is compiled anew.
 
 A kernel that another one calls is compiled into it, so there it is compiled without a way in from Python and
-is not kept on disk by itself, which a third of the time to compile went into.
+is not kept on disk by itself, which a fifth of the time to compile went into.
 """
 
 import contextlib
@@ -38,7 +38,8 @@ def inlined(function: _F) -> _F:
 
 
 def _compiled(function: _F, options: dict[str, Any]) -> _F:
-    compiled: Any = numba.njit(**_OPTIONS)(function)
+    njit: Any = numba.njit
+    compiled: Any = njit(**_OPTIONS)(function)
     try:
         compiled._cache = _Cache(function)  # what njit(cache=True) does with numba's own
     except RuntimeError:  # numba found no folder that it can write
@@ -48,7 +49,7 @@ def _compiled(function: _F, options: dict[str, Any]) -> _F:
             RuntimeWarning,
             stacklevel=3,
         )
-    inner = functools.cache(lambda: numba.njit(**_OPTIONS, **options, no_cpython_wrapper=True)(function))
+    inner = functools.cache(lambda: njit(**_OPTIONS, **options, no_cpython_wrapper=True)(function))
     compiled.get_call_template = lambda args, kws: inner().get_call_template(args, kws)
     compiled.get_overload = lambda sig: inner().get_overload(sig)
     KERNELS.append(compiled)

@@ -155,10 +155,8 @@ class Tracker:
         alive = self._alive(tracks, estimate)
         free = ~double
         free[chosen[seen]] = False
-        if (tracks.label >= 0).any():
-            alive &= seen | ~_named(
-                tracks, sorted_detections, free
-            )  # the target has jumped away from its track
+        if (tracks.label >= 0).any():  # a target may have jumped away from its track
+            alive &= seen | ~_named(tracks, sorted_detections, free)
         state, begun = state._replace(tracks=tracks), np.flatnonzero(free)
         if len(begun):  # the dead leave and the new take their places in one go: covariances are large
             state, rows = self._begin(state, alive, select(sorted_detections, begun), sensor)
