@@ -96,6 +96,12 @@ class Collision:
         description="a lane whose curvature asks for a lateral acceleration this far from the one driven is "
         "taken for lost",
     )
+    jerk_mps3: float = Field(
+        1.2,
+        gt=0,
+        description="a lane whose curvature changes so fast at the own speed is taken for lost, too: roads are "
+        "built for 0.3 to 0.9 m/s³",
+    )
     road_reach_m: float = Field(60.0, gt=0, description="the lane's curvature changes on up to there")
     least_speed_mps: float = Field(2.8, ge=0, description="active from 10 km/h")
     speed_hysteresis_mps: float = Field(1.4, ge=0, description="and until this much below it")
@@ -224,6 +230,7 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
             o.road_reach_m,
             3.0,
             o.disagreement_mps2,
+            o.jerk_mps3,
         ),
         CollisionNumbers(
             safe_distance.numbers(o.distance),

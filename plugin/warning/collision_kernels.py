@@ -31,6 +31,7 @@ class PathNumbers(NamedTuple):
     road_reach: float  # m
     least_speed: float  # m/s, below it steering says nothing
     disagreement: float  # m/s²
+    jerk: float  # m/s³
 
 
 class CollisionNumbers(NamedTuple):
@@ -96,6 +97,7 @@ def in_path(tracks, motion, speed, yaw_rate, p, was, now, inside, offset):  # ty
         bend = yaw_rate[i] / speed[i] if speed[i] >= p.least_speed else 0.0
         if speed[i] >= p.least_speed:
             seen = seen and abs(motion.curvature_1pm[i] - bend) * speed[i] ** 2 <= p.disagreement
+            seen = seen and abs(motion.curvature_rate_1pm2[i]) * speed[i] ** 3 <= p.jerk
         if seen:
             half = 0.5 * motion.lane_width_m[i]
             d = road_offset(

@@ -144,6 +144,43 @@ def test_a_lane_that_bends_quite_unlike_the_steering_counts_as_lost() -> None:
     assert abs(path.offset_m[0]) < 4.0  # where the steering agrees the lane is believed
 
 
+def test_a_lane_whose_bend_changes_as_no_road_s_does_counts_as_lost() -> None:
+    """Posts beside a road in shadow got into the path of a lane seen with K' v³ of 1.3 to 5.7 m/s³."""
+    limit = Collision().jerk_mps3 / V**3
+    for rate in (0.98 * limit, -0.98 * limit):
+        swing = rate * 60.0**3 / 6.0
+        _, path = Driver().step(
+            {"x_m": 60.0, "y_m": swing, "vx_mps": 0.0, "standing": 1}, curvature_rate_1pm2=rate
+        )
+        assert path.offset_m[0] == pytest.approx(0.0, abs=0.05)
+        assert path.inside[0]
+        beyond = 1.02 / 0.98 * rate
+        _, path = Driver().step(
+            {"x_m": 60.0, "y_m": swing, "vx_mps": 0.0, "standing": 1}, curvature_rate_1pm2=beyond
+        )
+        assert path.offset_m[0] == pytest.approx(swing)  # straight on, as it is steered
+        assert not path.inside[0]
+        slower = {"x_m": 60.0, "y_m": 1.02 / 0.98 * swing, "vx_mps": 0.0, "standing": 1}
+        _, path = Driver().step(slower, v=0.9 * V, curvature_rate_1pm2=beyond)
+        assert path.inside[0]  # bends may be as tight where one drives as slowly
+
+
+def test_a_guard_rail_seen_in_shadow_is_no_danger() -> None:
+    """Seed 506 of the default highway in complex light, from 24.9 s: danger was warned of its post."""
+    driver, v = Driver(), 32.0
+    for x, y, heading, curvature, jerk in (
+        (87.3, 5.1, -0.001, -0.00174, 3.58),
+        (84.1, 5.3, -0.004, -0.00246, 4.86),
+        (80.8, 5.4, -0.002, -0.00177, 4.58),
+        (77.6, 5.5, -0.004, -0.00223, 5.32),
+        (74.3, 5.6, -0.001, -0.00171, 4.84),
+    ):
+        lane = {"lateral_offset_m": -0.15, "heading_error_rad": heading, "curvature_1pm": curvature}
+        post = {"x_m": x, "y_m": y, "vx_mps": 0.0, "standing": 1}
+        warning, _ = driver.step(post, v=v, yaw_rate=-0.0009 * v, curvature_rate_1pm2=jerk / v**3, **lane)
+        assert warning.code[0] == READY
+
+
 def test_hysteresis_keeps_a_target_at_the_border() -> None:
     driver = Driver()
     inside = [driver.step({"x_m": 40.0, "y_m": y})[1].inside[0] for y in (1.8, 1.4, 1.8, 1.84, 2.2, 1.8)]
