@@ -11,6 +11,28 @@ _HALF_BODY_M = 0.9  # of an equipped vehicle
 
 
 @kernel
+def by_lane(lane, position, lanes):  # type: ignore[no-untyped-def]
+    """The order (N,) of vehicles by lane (N,), -1 first, and position along it; where each lane begins in it.
+
+    The beginnings are (lanes + 1,). Equal ones stand as they come.
+    """
+    begin = np.zeros(lanes + 2, np.int64)  # of lane -1, 0, 1, ...
+    for k in range(len(lane)):
+        begin[lane[k] + 2] += 1
+    for one in range(lanes + 1):
+        begin[one + 1] += begin[one]
+    order, end = np.empty(len(lane), np.int64), begin[: lanes + 1].copy()
+    for k in range(len(lane)):
+        place = end[lane[k] + 1]
+        end[lane[k] + 1] += 1
+        while place > begin[lane[k] + 1] and position[order[place - 1]] > position[k]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = k
+    return order, begin[1:]
+
+
+@kernel
 def lane_leaders(rows, snapshot, order, first, chain, lanes, ahead, reach, out):  # type: ignore[no-untyped-def]
     """The next vehicle ahead of each of the snapshot's `rows` (n,) on its lane or those that follow.
 

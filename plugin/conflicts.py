@@ -91,8 +91,7 @@ class LaneOrder:
         for i in np.flatnonzero(self._lane[handle] != lane).tolist():
             self._lane[handle[i]] = lane[i]
             self._row[handle[i]] = self._chain(int(lane[i]), int(handle[i])) if lane[i] >= 0 else -1
-        order = np.lexsort((snapshot.lane_position_m, snapshot.lane))
-        first = np.searchsorted(snapshot.lane[order], np.arange(len(self._names) + 1))
+        order, first = kernels.by_lane(snapshot.lane, snapshot.lane_position_m, len(self._names))
         kernels.lane_leaders(
             rows, snapshot, order, first, self._row[handle], self._lanes, self._ahead, reach_m, out
         )

@@ -37,7 +37,7 @@ class RearEndScorer:
         self._pending: list[dict[str, Array]] = []  # rows of `tracks`
         self._recording = configuration.recording
         self._scans = 0
-        self._latest: dict[str, Array] = {}  # tracks of the last step
+        self._latest: tuple[dict[str, Array], Array] = {}, np.zeros(0, bool)  # tracks of the last step, shown
         self.conflicts = 0
         self.warnings = 0  # of the reminder level
 
@@ -51,9 +51,12 @@ class RearEndScorer:
         self._book.add(
             time, truth.handle, leader, by_place, visible, truth.speed_mps, warning.level, warning.ttc_s
         )
-        self._latest = tracks = self._tracks.step(truth, echo)
+        tracks, shown = self._tracks.step(truth, echo), echo.tracks.confirmed
+        self._latest = tracks, shown
         if self._recording.tracks:
-            kept = slice(None) if self._scans % self._recording.roadside_every == 0 else tracks["target"] >= 0
+            if self._scans % self._recording.roadside_every:
+                shown = shown & (tracks["target"] >= 0)
+            kept = np.flatnonzero(shown)
             rows = {name: part[kept] for name, part in tracks.items()}
             self._pending.append(rows | {"time_s": np.full(len(rows["handle"]), time)})
         self._scans += 1
@@ -77,9 +80,10 @@ class RearEndScorer:
         }
 
     def latest_of(self, handle: int) -> dict[str, Array]:
-        """All tracks of a vehicle after the last step, also those that are not recorded."""
-        own = self._latest["handle"] == handle
-        return {name: part[own] for name, part in self._latest.items()}
+        """All confirmed tracks of a vehicle after the last step, also those that are not recorded."""
+        tracks, shown = self._latest
+        own = (tracks["handle"] == handle) & shown
+        return {name: part[own] for name, part in tracks.items()}
 
     def track_rows(self, tracks: dict[str, Array]) -> dict[str, Any]:
         """Such tracks as the table `tracks` has them."""

@@ -7,22 +7,13 @@ import numpy as np
 import pyarrow as pa
 
 from plugin.ranging import Echo
-from plugin.track_truth_kernels import places
+from plugin.track_truth_kernels import NOTHING, follow
 from plugin.tracking import classification
-from plugin.tracking.classification import (
-    ONCOMING,
-    SAME_DIRECTION,
-    STATIONARY,
-    STOPPED_ONCOMING,
-    STOPPED_SAME,
-    ClassSettings,
-)
+from plugin.tracking.classification import ClassSettings
 from plugin.truth import labelled
 from sumo_net.ego import EgoTruth
 
 Array = np.ndarray[Any, Any]
-
-NOTHING = -1  # target of a track that began from clutter
 
 
 class Followed(NamedTuple):
@@ -46,53 +37,34 @@ class TrackTruth:
         self._before = Followed(*(np.zeros(0, np.int64),) * 2, true_class=np.zeros(0, np.int8))
 
     def step(self, truth: EgoTruth, echo: Echo) -> dict[str, Array]:
-        """The confirmed tracks' columns of the table `tracks`, without time; `texts` makes the last ones.
+        """All tracks' columns of the table `tracks`, without time; `texts` makes the last ones.
 
         In place of text there are codes: `handle` of the vehicle, `target` and the classes.
         """
-        tracks, behind = echo.tracks, echo.behind
-        measured = tracks.detection >= 0
-        row, column = (part[tracks.detection[measured]] for part in echo.place)
-
-        def detected(part: Array) -> Array:
-            values = np.full(len(measured), np.nan)
-            values[measured] = part[row, column]
-            return values
-
-        key = (truth.handle[tracks.owner] << 32) | tracks.track_id
-        target, true_class = self._recall(key)
-        taken = behind.handle[row, column]
-        body = taken != NOTHING  # a track that takes clutter still follows its body
-        index = np.flatnonzero(measured)[body]
-        true_class[index[target[index] != taken[body]]] = STATIONARY
-        target[index] = taken[body]
-        vx, vy = _velocity(echo, tracks.owner, target)
-        threshold = classification.moving_threshold(self._options, truth.speed_mps, truth.acceleration_mps2)
-        true_class = _advanced(true_class, vx, threshold[tracks.owner], self._options)
+        tracks, o = echo.tracks, self._options
+        threshold = classification.moving_threshold(o, truth.speed_mps, truth.acceleration_mps2)
+        key, target, true_class, shown, floats = follow(
+            truth.handle, tracks, echo.place, echo.behind, echo.objects, self._before, threshold,
+            o.oncoming_speed_mps, o.near_zero_mps,
+        )  # fmt: skip
         self._before = Followed(key, target, true_class)
-
-        shown = np.flatnonzero(tracks.confirmed)
-        closing = -tracks.estimate.range_rate_mps
-        with np.errstate(divide="ignore"):
-            ttc = np.where(closing > 0.0, tracks.estimate.range_m / np.maximum(closing, 1e-9), np.nan)
-        known = target != NOTHING
-        columns = tracks.estimate._asdict() | {
+        true_range, true_rate, true_azimuth, vx, vy, ttc = floats
+        return tracks.estimate._asdict() | {
             "handle": truth.handle[tracks.owner],
             "target": target,
             "track_id": tracks.track_id,
-            "measured": measured,
+            "measured": tracks.detection >= 0,
             "motion_state": tracks.motion_state,
             "in_path": echo.in_path.inside,
             "ttc_s": ttc,
             "restarts": tracks.restarts,
-            "true_range_m": detected(behind.range_m),
-            "true_range_rate_mps": detected(behind.range_rate_mps),
-            "true_azimuth_rad": detected(behind.azimuth_rad),
+            "true_range_m": true_range,
+            "true_range_rate_mps": true_rate,
+            "true_azimuth_rad": true_azimuth,
             "true_vx_mps": vx,
             "true_vy_mps": vy,
-            "true_motion_state": np.where(known & np.isfinite(vx), true_class, -1),
+            "true_motion_state": shown,
         }
-        return {name: part[shown] for name, part in columns.items()}
 
     def texts(self, columns: dict[str, Array]) -> dict[str, Any]:
         """Columns of any number of steps as the table has them."""
@@ -102,16 +74,6 @@ class TrackTruth:
         for name in ("motion_state", "true_motion_state"):
             out[name] = labelled(columns[name], classification.NAMES)
         return out
-
-    def _recall(self, key: Array) -> tuple[Array, Array]:
-        """Target and class of the tracks `key` as they were; new ones have none."""
-        target, true_class = np.full(len(key), NOTHING, np.int64), np.full(len(key), STATIONARY, np.int8)
-        before = self._before
-        if len(before.key):
-            at = np.minimum(np.searchsorted(before.key, key), len(before.key) - 1)
-            same = before.key[at] == key
-            target[same], true_class[same] = before.target[at[same]], before.true_class[at[same]]
-        return target, true_class
 
     def _ids(self, handles: Array) -> pa.Array:
         unique, index = np.unique(handles, return_inverse=True)
@@ -129,26 +91,3 @@ class TrackTruth:
             return self._name(handle)
         except KeyError:  # left long ago; clutter has kept its track alive
             return None
-
-
-def _velocity(echo: Echo, owner: Array, target: Array) -> tuple[Array, Array]:
-    """True velocity over ground in the vehicle's axes of each track's body; NaN out of the field of view."""
-    objects = echo.objects
-    place = places(owner, target, objects.handle)
-    known = (place >= 0) & (target != NOTHING)  # NOTHING would find the first unused place
-    speed, heading = objects.speed_mps[owner, place], objects.heading_rad[owner, place]
-    return np.where(known, speed * np.cos(heading), np.nan), np.where(known, speed * np.sin(heading), np.nan)
-
-
-def _advanced(true_class: Array, vx: Array, threshold: Array, options: ClassSettings) -> Array:
-    near = np.abs(vx) < options.near_zero_mps
-    return np.select(
-        [
-            vx > threshold,
-            vx < options.oncoming_speed_mps,
-            near & (true_class == SAME_DIRECTION),
-            near & (true_class == ONCOMING),
-        ],
-        [SAME_DIRECTION, ONCOMING, STOPPED_SAME, STOPPED_ONCOMING],
-        true_class,
-    ).astype(np.int8)

@@ -1,17 +1,78 @@
-"""Kernel of the tracks' truth: which of the bodies around is a track's."""
+"""Kernel of the tracks' truth: which of the bodies around is a track's, and what is true of it."""
+
+import math
 
 import numpy as np
 
+from plugin.tracking.classification_kernels import (
+    ONCOMING,
+    SAME_DIRECTION,
+    STATIONARY,
+    STOPPED_ONCOMING,
+    STOPPED_SAME,
+)
 from sumo_net.compile import kernel
+
+NOTHING = -1  # target of a track that began from clutter
 
 
 @kernel
-def places(owner, target, handle):  # type: ignore[no-untyped-def]
-    """Column in handle (n, M) of the body target (T,) in row owner (T,); -1 where it is not there."""
-    out = np.full(len(owner), -1)
-    for t in range(len(owner)):
-        for m in range(handle.shape[1]):
-            if handle[owner[t], m] == target[t]:
-                out[t] = m
-                break
-    return out
+def _class_of(before, vx, moving, oncoming, near_zero):  # type: ignore[no-untyped-def]
+    """The class of a body with the true speed vx (NaN changes nothing); `moving` is V_t."""
+    if vx > moving:
+        return SAME_DIRECTION
+    if vx < oncoming:
+        return ONCOMING
+    if abs(vx) < near_zero and before == SAME_DIRECTION:
+        return STOPPED_SAME
+    if abs(vx) < near_zero and before == ONCOMING:
+        return STOPPED_ONCOMING
+    return before
+
+
+@kernel
+def follow(handle, tracks, place, behind, objects, before, moving, oncoming, near_zero):  # type: ignore[no-untyped-def]
+    """What T tracks of n vehicles, with handles (n,), follow after a scan.
+
+    tracks : TrackList. place : row and column in `behind`, a ScanTruth, of each detection. objects : Objects,
+    (n, M). before : Followed, in the order of its keys. moving (n,) : V_t, oncoming and near_zero as in
+    ClassSettings. Gives key, target, class (T,) as in Followed, the class to show, -1 where nothing is known,
+    and floats (6, T): true range, range rate, azimuth of the detection's point, v_x and v_y of the body, and
+    the track's own time to collision; NaN where there is none.
+    """
+    count = len(tracks.owner)
+    key, target = np.empty(count, np.int64), np.empty(count, np.int64)
+    true_class, shown = np.empty(count, np.int8), np.empty(count, np.int8)
+    floats = np.empty((6, count))
+    at = 0
+    for t in range(count):
+        owner, detection = tracks.owner[t], tracks.detection[t]
+        key[t] = (handle[owner] << 32) | tracks.track_id[t]
+        body, now = NOTHING, STATIONARY
+        while at < len(before.key) and before.key[at] < key[t]:
+            at += 1
+        if at < len(before.key) and before.key[at] == key[t]:
+            body, now = before.target[at], int(before.true_class[at])
+        for k in range(5):
+            floats[k, t] = math.nan
+        if detection >= 0:
+            i, j = place[0][detection], place[1][detection]
+            floats[0, t], floats[1, t] = behind.range_m[i, j], behind.range_rate_mps[i, j]
+            floats[2, t] = behind.azimuth_rad[i, j]
+            taken = behind.handle[i, j]
+            if taken != NOTHING:  # a track that takes clutter still follows its body
+                if body != taken:
+                    now = STATIONARY
+                body = taken
+        if body != NOTHING:
+            for m in range(objects.handle.shape[1]):
+                if objects.handle[owner, m] == body:
+                    speed, heading = objects.speed_mps[owner, m], objects.heading_rad[owner, m]
+                    floats[3, t], floats[4, t] = speed * math.cos(heading), speed * math.sin(heading)
+                    break
+        now = _class_of(now, floats[3, t], moving[owner], oncoming, near_zero)
+        target[t], true_class[t] = body, now
+        shown[t] = now if body != NOTHING and math.isfinite(floats[3, t]) else -1
+        closing = -tracks.estimate.range_rate_mps[t]
+        floats[5, t] = tracks.estimate.range_m[t] / max(closing, 1e-9) if closing > 0.0 else math.nan
+    return key, target, true_class, shown, floats

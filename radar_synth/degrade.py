@@ -22,12 +22,10 @@ def measure(
     reported, nor is a body of which too little shows. Detections stand in the order of their measured range.
     """
     n, most = len(keys), radar.most_detections
-    reported = Scan(np.zeros(n, np.int64), *(np.full((n, most), np.nan) for _ in range(3)))
-    behind = ScanTruth(
-        np.full((n, most), -1, np.int64),
-        np.full((n, most), -1, np.int8),
-        *(np.full((n, most), np.nan) for _ in range(5)),
-    )
+    of_scan, of_truth = len(Scan._fields) - 1, len(ScanTruth._fields) - 2
+    floats = np.full((of_scan + of_truth, n, most), np.nan)
+    reported = Scan(np.zeros(n, np.int64), *floats[:of_scan])
+    behind = ScanTruth(np.full((n, most), -1, np.int64), np.full((n, most), -1, np.int8), *floats[of_scan:])
     kernels.measure(objects, seen, numbers(radar), keys, counter, reported, behind)
     return reported, behind
 

@@ -105,3 +105,21 @@ def measure(objects, seen, radar, keys, counter, out, behind):  # type: ignore[n
             behind.range_m[i, j], behind.range_rate_mps[i, j] = truth[k, 0], truth[k, 1]
             behind.azimuth_rad[i, j] = truth[k, 2]
             behind.vx_mps[i, j], behind.vy_mps[i, j] = truth[k, 3], truth[k, 4]
+
+
+@kernel
+def used_places(scan):  # type: ignore[no-untyped-def]
+    """Row and column, range, range rate and azimuth of the used places of a Scan, (D,) each, row by row."""
+    total = 0
+    for i in range(len(scan.detections)):
+        total += scan.detections[i]
+    row, column = np.empty(total, np.int64), np.empty(total, np.int64)
+    range_m, rate, azimuth = np.empty(total), np.empty(total), np.empty(total)
+    d = 0
+    for i in range(len(scan.detections)):
+        for j in range(scan.detections[i]):
+            row[d], column[d] = i, j
+            range_m[d], rate[d] = scan.range_m[i, j], scan.range_rate_mps[i, j]
+            azimuth[d] = scan.azimuth_rad[i, j]
+            d += 1
+    return row, column, range_m, rate, azimuth

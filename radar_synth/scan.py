@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from radar_synth.degrade import measure
+from radar_synth.degrade_kernels import used_places
 from radar_synth.radar import OwnMotion, Radar, Scan, ScanTruth, Sightings
 from radar_synth.visibility import sightings
 from sumo_net.surroundings import Objects
@@ -42,12 +43,4 @@ def scan(
 
 def flatten(reported: Scan) -> Flat:
     """The used places of a Scan as flat arrays, for trackers."""
-    columns = reported.range_m.shape[1]
-    owner, column = np.nonzero(np.arange(columns) < reported.detections[:, None])
-    return Flat(
-        owner,
-        column,
-        reported.range_m[owner, column],
-        reported.range_rate_mps[owner, column],
-        reported.azimuth_rad[owner, column],
-    )
+    return Flat(*used_places(reported))

@@ -22,7 +22,8 @@ def objects_in_view(
     out; a vehicle never sees itself.
     """
     n, most = len(poses.handle), radar.most_objects
-    out = Objects(np.full((n, most), -1, np.int64), *(np.full((n, most), np.nan) for _ in range(8)))
+    parts = len(Objects._fields) - 1
+    out = Objects(np.full((n, most), -1, np.int64), *np.full((parts, n, most), np.nan))
     used = kernels.gather(
         poses.handle,
         poses.x_m,
@@ -34,7 +35,12 @@ def objects_in_view(
         out,
     )
     width = max(int(used.max(initial=0)), 1)
-    return Objects(*(np.ascontiguousarray(part[:, :width]) for part in out))
+    if width == most:
+        return out
+    handle, floats = out.handle[:, :width].copy(), np.empty((parts, n, width))
+    for mine, part in zip(floats, out[1:], strict=True):
+        mine[:] = part[:, :width]
+    return Objects(handle, *floats)
 
 
 def sightings(radar: Radar, objects: Objects, motion: OwnMotion) -> Sightings:
@@ -44,6 +50,6 @@ def sightings(radar: Radar, objects: Objects, motion: OwnMotion) -> Sightings:
     height) is taken away as angular intervals; a beam adds its sector to its range. Bodies move along their
     own heading. A body of which the nearest visible point is nearer than the least range is not seen.
     """
-    out = Sightings(*(np.full(objects.forward_m.shape, np.nan) for _ in Sightings._fields))
+    out = Sightings(*np.full((len(Sightings._fields), *objects.forward_m.shape), np.nan))
     kernels.look(objects, motion, numbers(radar), out)
     return out
