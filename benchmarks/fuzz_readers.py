@@ -7,6 +7,7 @@ Anything else that it raises, or more time than `limit_s`, is a finding.
 import contextlib
 import time
 import warnings
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -28,6 +29,7 @@ class Reader(NamedTuple):
     seeds: tuple[bytes, ...]  # inputs that are taken, from which others are made
     words: tuple[bytes, ...]  # of its language: keys, values that hurt
     limit_s: float = 5.0  # of process time
+    mended: Callable[[bytes], bytes] = bytes  # with the check sums that belong to it
 
 
 class Outcome(NamedTuple):
@@ -300,6 +302,18 @@ def pictures(suffix: str) -> bytes:
     return bytes(cv2.imencode(suffix, np.dstack([grey] * 3))[1])
 
 
+def png_mended(content: bytes) -> bytes:
+    """A PNG with the check sums that a decoder wants, as far as its chunks can be followed."""
+    out, at = bytearray(content), 8
+    while at + 12 <= len(out):
+        end = at + 8 + int.from_bytes(out[at : at + 4], "big")
+        if end + 4 > len(out):
+            break
+        out[end : end + 4] = zlib.crc32(out[at + 4 : end]).to_bytes(4, "big")
+        at = end + 4
+    return bytes(out)
+
+
 def film(folder: Path) -> bytes:
     """A small valid video."""
     import cv2
@@ -323,7 +337,8 @@ def with_media(folder: Path) -> dict[str, Reader]:
     ]
     more = [Reader("protocol", ".toml", _protocol, tuple(own), (*_TOML, *_NUMBERS, *_TEXTS))]
     for suffix in (".png", ".jpg", ".bmp", ".tiff"):
-        more.append(Reader(f"image_{suffix[1:]}", suffix, _image, (pictures(suffix),), _BINARY))
+        reader = Reader(f"image_{suffix[1:]}", suffix, _image, (pictures(suffix),), _BINARY)
+        more.append(reader._replace(mended=png_mended) if suffix == ".png" else reader)
     more.append(Reader("video", ".avi", _image, (film(folder),), _BINARY))
     return READERS | {reader.name: reader for reader in more}
 
