@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from camera_synth.camera import WIDTH_PX
 from camera_synth.degrade import lattice_unit
 from sumo_net.compile import kernel
 
@@ -25,6 +26,10 @@ class Bodies(NamedTuple):
     vertices: Array  # (M, POLYGONS) int64
     grey: Array  # (M, POLYGONS)
     opacity: Array  # (M, POLYGONS)
+    order: Array  # (M,) int64
+    distance: Array  # (M,) m
+    corner: Array  # (4, 3) of a face, vehicle frame
+    camera: Array  # (4, 3) the same for the camera: depth, to the right, up
 
 
 @kernel
@@ -37,6 +42,10 @@ def new_bodies(count):  # type: ignore[no-untyped-def]
         np.zeros((count, POLYGONS), np.int64),
         np.zeros((count, POLYGONS)),
         np.zeros((count, POLYGONS)),
+        np.zeros(count, np.int64),
+        np.zeros(count),
+        np.zeros((4, 3)),
+        np.zeros((4, 3)),
     )
 
 
@@ -44,8 +53,7 @@ def new_bodies(count):  # type: ignore[no-untyped-def]
 def place(bodies, objects, i, p, look):  # type: ignore[no-untyped-def]
     """Fill `bodies` with what vehicle i sees of its Objects in the light of its Look."""
     count = objects.handle.shape[1]
-    order = np.empty(count, np.int64)
-    distance = np.empty(count)
+    order, distance = bodies.order, bodies.distance
     found = 0
     for m in range(count):
         if objects.handle[i, m] == _UNUSED or math.isnan(objects.forward_m[i, m]):
@@ -92,9 +100,11 @@ def _place_body(bodies, b, objects, i, m, p, light, haze):  # type: ignore[no-un
     cl = -sin_h * (p.forward - f) + cos_h * (p.left - g)
     if abs(cf) <= half_l and abs(cl) <= half_w:
         return  # the camera would sit inside
-    corner = np.empty((4, 3))
+    corner = bodies.corner
+    reach = 0.15  # of the shadow under a vehicle
+    if _beside_image(bodies.camera, f, g, sin_h, cos_h, half_l + reach, half_w + reach, height, p):
+        return
     if vehicle:
-        reach = 0.15
         for q in range(4):
             a = half_l + reach if q in (0, 3) else -half_l - reach
             c = half_w + reach if q in (0, 1) else -half_w - reach
@@ -145,6 +155,32 @@ def _place_body(bodies, b, objects, i, m, p, light, haze):  # type: ignore[no-un
 
 
 @kernel
+def _beside_image(camera, f, g, sin_h, cos_h, half_l, half_w, height, p):  # type: ignore[no-untyped-def]
+    """Whether a box is wholly left or right of the image, and no part of it near the camera's own place."""
+    leftmost, rightmost = math.inf, -math.inf
+    for q in range(8):
+        a = half_l if q & 1 else -half_l
+        c = half_w if q & 2 else -half_w
+        z = height if q & 4 else 0.0
+        _seen_from(camera[0], f + a * cos_h - c * sin_h, g + a * sin_h + c * cos_h, z, p)
+        if camera[0, 0] < _NEAREST_M:
+            return False
+        column = p.center_x + p.focal * camera[0, 1] / camera[0, 0]
+        leftmost, rightmost = min(leftmost, column), max(rightmost, column)
+    return rightmost < -1.0 or leftmost > WIDTH_PX
+
+
+@kernel
+def _seen_from(out, forward, left, up, p):  # type: ignore[no-untyped-def]
+    """out (3,): depth, to the right and up of a point in the vehicle frame, for the camera."""
+    f, g, u = forward - p.forward, left - p.left, up - p.height
+    ahead = p.cos_yaw * f + p.sin_yaw * g
+    out[0] = p.cos_pitch * ahead - p.sin_pitch * u
+    out[1] = p.sin_yaw * f - p.cos_yaw * g
+    out[2] = p.sin_pitch * ahead + p.cos_pitch * u
+
+
+@kernel
 def _panel(bodies, b, corner, p, x0, y0, x1, y1, u0, u1, z0, z1, grey, opacity):  # type: ignore[no-untyped-def]
     """A part of an upright face over the ground line (x0, y0) -> (x1, y1): shares u of it, heights z."""
     for q in range(4):
@@ -162,13 +198,9 @@ def _polygon(bodies, b, corner, p, grey, opacity):  # type: ignore[no-untyped-de
     if q >= POLYGONS:
         return
     vertex = bodies.vertex[b, q]
-    camera = np.empty((4, 3))
+    camera = bodies.camera
     for c in range(4):
-        f, g, u = corner[c, 0] - p.forward, corner[c, 1] - p.left, corner[c, 2] - p.height
-        ahead = p.cos_yaw * f + p.sin_yaw * g
-        camera[c, 0] = p.cos_pitch * ahead - p.sin_pitch * u
-        camera[c, 1] = p.sin_yaw * f - p.cos_yaw * g  # to the right
-        camera[c, 2] = p.sin_pitch * ahead + p.cos_pitch * u
+        _seen_from(camera[c], corner[c, 0], corner[c, 1], corner[c, 2], p)
     used = np.int64(0)  # a literal 0 would make another compiled variant
     for c in range(4):
         d = (c + 1) % 4
@@ -185,6 +217,12 @@ def _polygon(bodies, b, corner, p, grey, opacity):  # type: ignore[no-untyped-de
             vertex[used, 1] = p.center_y + p.focal_y * rise / _NEAREST_M
             used += 1
     if used < 3:
+        return
+    left, right, top = math.inf, -math.inf, -math.inf
+    for c in range(used):
+        left, right = min(left, vertex[c, 0]), max(right, vertex[c, 0])
+        top = max(top, vertex[c, 1])
+    if right < -1.0 or left > WIDTH_PX or top < -0.5:
         return
     bodies.vertices[b, q] = used
     bodies.grey[b, q] = grey
@@ -274,6 +312,6 @@ def _paint_polygon(canvas, vertex, used, grey, opacity):  # type: ignore[no-unty
 def _blend(part, from_left, to_right, most, share, grey):  # type: ignore[no-untyped-def]
     """Blend grey into the pixels between two edges, by what they cover of each."""
     for x in range(part.shape[0]):
-        f = np.float32(x)
+        f = np.float32(np.int32(x))
         cover = min(min(f + from_left, to_right - f), most)
         part[x] += cover * share * (grey - part[x])

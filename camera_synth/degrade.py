@@ -45,21 +45,22 @@ def _lattice(hu, hv):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def add_value_noise(out, u, v, du, dv, seed, amplitude):  # type: ignore[no-untyped-def]
-    """out[i] += amplitude · N(u + i du, v + i dv) for smooth noise N in [-1, 1] on the unit lattice.
+def noise_line(out, u, v, du, dv, seed):  # type: ignore[no-untyped-def]
+    """out[i] = N(u + i du, v + i dv) for smooth noise N in [-1, 1] on the unit lattice.
 
-    out (m,) float32; u, v float64 lattice coordinates of the first node; seed integer.
+    out (m,) float32; u, v float64 lattice coordinates of its first point; seed integer. A loop that counts in
+    32 bits takes half the time, and what is left of eight points as long as eight.
     """
     cell_u, cell_v = np.floor(u), np.floor(v)
     u0, v0 = np.float32(u - cell_u), np.float32(v - cell_v)
     su, sv = np.float32(du), np.float32(dv)
     bu, bv = np.uint32(np.int64(cell_u)), np.uint32(np.int64(cell_v))
     salt = np.uint32(np.uint32(seed) * _P3)
-    amplitude = np.float32(amplitude)
     one, two, three = np.float32(1.0), np.float32(2.0), np.float32(3.0)
     for i in range(out.shape[0]):
-        x = u0 + np.float32(i) * su
-        y = v0 + np.float32(i) * sv
+        at = np.float32(np.int32(i))
+        x = u0 + at * su
+        y = v0 + at * sv
         fx, fy = np.floor(x), np.floor(y)
         a, b = x - fx, y - fy
         hu = np.uint32(np.uint32(bu + np.uint32(np.int32(fx))) * _P1)
@@ -69,7 +70,7 @@ def add_value_noise(out, u, v, du, dv, seed, amplitude):  # type: ignore[no-unty
         b = b * b * (three - two * b)
         low = _lattice(hu, hv) * (one - a) + _lattice(hu1, hv) * a
         high = _lattice(hu, hv1) * (one - a) + _lattice(hu1, hv1) * a
-        out[i] += amplitude * (low + (high - low) * b)
+        out[i] = low + (high - low) * b
 
 
 @kernel
@@ -116,7 +117,7 @@ def interpolate(nodes, out):  # type: ignore[no-untyped-def]
         at = nodes[i]
         change = (nodes[i + 1] - at) * step
         for k in range(NODE_PX):
-            out[NODE_PX * i + k] = at + np.float32(k) * change
+            out[NODE_PX * i + k] = at + np.float32(np.int32(k)) * change
 
 
 @kernel

@@ -56,7 +56,7 @@ def _shade(row, node, scale, haze):  # type: ignore[no-untyped-def]
     for m in range(node.shape[0] - 1):
         at, rise = node[m] * scale, (node[m + 1] - node[m]) * part
         for k in range(NODE_PX):
-            row[NODE_PX * m + k] = row[NODE_PX * m + k] * (at + np.float32(k) * rise) + haze
+            row[NODE_PX * m + k] = row[NODE_PX * m + k] * (at + np.float32(np.int32(k)) * rise) + haze
 
 
 @kernel

@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camera_synth.degrade import NODE_PX, add_value_noise, fade
+from camera_synth.degrade import NODE_PX, fade, noise_line
 from camera_synth.ground_kernels import row_line
 from sumo_net.compile import kernel
 
 SAMPLES = 6.0  # rows a wavelength, at least, where the image has as many
 STRIDES = (1, 2, 4)  # that divide the number of nodes
+VECTOR = 8  # float32 that are worked out together
 
 
 class Octave(NamedTuple):
@@ -35,15 +36,16 @@ class Ground(NamedTuple):
 
     ahead: np.ndarray  # (rows,) m from the camera to the middle of a row
     footprint: np.ndarray  # (rows,) m of it that a row spans
-    node: np.ndarray  # (nodes,) float32 scratch
-    low: np.ndarray  # (nodes,) float32 scratch
-    high: np.ndarray  # (nodes,) float32 scratch
+    node: np.ndarray  # (nodes, filled up to whole vectors) float32 scratch
+    low: np.ndarray  # the same
+    high: np.ndarray  # the same
 
 
 @kernel
 def ground_of(rows, nodes, p):  # type: ignore[no-untyped-def]
     """The Ground of the lowest `rows` rows, with scratch for `nodes` nodes a row."""
     ahead, footprint = np.empty(rows), np.empty(rows)
+    room = VECTOR * ((nodes + VECTOR - 1) // VECTOR)
     for y in range(rows):
         below, _ = row_line(y - 0.5, p)
         above, _ = row_line(y + 0.5, p)
@@ -52,9 +54,9 @@ def ground_of(rows, nodes, p):  # type: ignore[no-untyped-def]
     return Ground(
         ahead,
         footprint,
-        np.zeros(nodes, np.float32),
-        np.zeros(nodes, np.float32),
-        np.zeros(nodes, np.float32),
+        np.zeros(room, np.float32),
+        np.zeros(room, np.float32),
+        np.zeros(room, np.float32),
     )
 
 
@@ -102,18 +104,20 @@ def _noise_row(out, node, ahead, octave, view, p):  # type: ignore[no-untyped-de
     u, v = octave.u_x * x + octave.u_y * y, octave.v_x * x + octave.v_y * y
     du, dv = octave.u_x * dx + octave.u_y * dy, octave.v_x * dx + octave.v_y * dy
     if stride == 1:
-        out[:] = 0.0
-        add_value_noise(out, u, v, du, dv, octave.seed, 1.0)
+        noise_line(out, u, v, du, dv, octave.seed)
         return
-    some = node[: (out.shape[0] - 1) // stride + 1]
-    some[:] = 0.0
-    add_value_noise(some, u, v, du, dv, octave.seed, 1.0)
-    part = np.float32(1.0 / stride)
-    for m in range(some.shape[0] - 1):
-        at, rise = some[m], (some[m + 1] - some[m]) * part
-        for k in range(stride):
-            out[m * stride + k] = at + np.float32(k) * rise
-    out[out.shape[0] - 1] = some[some.shape[0] - 1]
+    some = node[: VECTOR * ((out.shape[0] // stride + VECTOR - 1) // VECTOR)]
+    noise_line(some, u, v, du, dv, octave.seed)
+    part, two, three = np.float32(1.0 / stride), np.float32(2.0), np.float32(3.0)
+    if stride == 2:
+        for m in range(out.shape[0] // 2 - 1):
+            at, rise = some[m], (some[m + 1] - some[m]) * part
+            out[2 * m], out[2 * m + 1] = at, at + rise
+    else:
+        for m in range(out.shape[0] // 4 - 1):
+            at, rise = some[m], (some[m + 1] - some[m]) * part
+            out[4 * m], out[4 * m + 1] = at, at + rise
+            out[4 * m + 2], out[4 * m + 3] = at + two * rise, at + three * rise
 
 
 @kernel

@@ -131,7 +131,7 @@ def _tone(row, node, textured, rise_l, at_l, rise_r, at_r, verge, asphalt, stren
                 row[NODE_PX * m + k] = verge + step * cover + texture * (rough + less * cover)
     else:
         for x in range(row.shape[0]):
-            f = np.float32(x)
+            f = np.float32(np.int32(x))
             row[x] = verge + step * min(max(min(f * rise_l + at_l, at_r - f * rise_r), zero), one)
 
 
@@ -147,7 +147,7 @@ def paint_tracks(canvas, first, end, crossings, look):  # type: ignore[no-untype
             a = 0.5 * (column[y, k] + column[y + 1, k])
             span = 0.5 * (column[y, k + 1] + column[y + 1, k + 1]) - a
             half = 0.13 * abs(span)
-            if half >= 1.5:
+            if half >= 1.5 and max(a, a + span) > 0.0 and min(a, a + span) < row.shape[0]:
                 _paint_track(row, a + 0.3 * span, half, look.wheel_tracks)
                 _paint_track(row, a + 0.7 * span, half, look.wheel_tracks)
 
@@ -160,7 +160,7 @@ def _paint_track(row, centre, half, grey):  # type: ignore[no-untyped-def]
     start, scale = np.float32((first - centre) / half), np.float32(1.0 / half)
     depth, one = np.float32(grey), np.float32(1.0)
     for x in range(part.shape[0]):
-        t = start + np.float32(x) * scale
+        t = start + np.float32(np.int32(x)) * scale
         t = one - t * t
         part[x] -= depth * t * t
 

@@ -6,7 +6,7 @@ from shots import ASPHALT, PAINT, plain, row_of, shoot
 
 from camera_synth.camera import Camera, projection, vehicle_from_image
 from camera_synth.condition import preset
-from camera_synth.degrade import add_value_noise, value_noise
+from camera_synth.degrade import noise_line, value_noise
 from camera_synth.light_kernels import overpass_at
 from sumo_net.road import SOLID
 from tests.roads import road_ahead
@@ -52,7 +52,7 @@ def test_patterns_stay_where_they_are(strengths: dict[str, float], least: float)
 
 def test_row_noise_is_the_point_noise() -> None:
     out = np.zeros(81, np.float32)
-    add_value_noise(out, 1e6 + 0.3, -2e5 + 0.7, 0.13, -0.21, 7, 1.0)
+    noise_line(out, 1e6 + 0.3, -2e5 + 0.7, 0.13, -0.21, 7)
     expected = [value_noise(1e6 + 0.3 + 0.13 * i, -2e5 + 0.7 - 0.21 * i, 7) for i in range(81)]
     np.testing.assert_allclose(out, expected, atol=2e-4)
     draws = np.array([value_noise(u + 0.37, 0.5 * u, 3) for u in range(20000)])
