@@ -28,6 +28,7 @@ from plugin.lane.road_model import (
     OUTER_RIGHT,
     PITCH,
     RIGHT,
+    SEEN,
     STATES,
     WIDTH,
     bases,
@@ -84,7 +85,7 @@ def workspace(rows):  # type: ignore[no-untyped-def]
         np.zeros(rows),
         np.zeros(LINES),
         np.zeros((LINES, rows), np.bool_),
-        np.zeros(BUFFER_PX + 1, np.int64),
+        np.zeros(BUFFER_PX + 1, np.int32),
         np.zeros(BUFFER_PX),
         np.zeros((STATES, STATES)),
         np.zeros((STATES, STATES)),
@@ -321,11 +322,13 @@ def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: igno
                 spacing = rows[r + 1] - rows[r] if r + 1 < rows.shape[0] else 1.0
                 weight *= min(1.0, 0.34 * spacing) / (t.noise_px * t.noise_px + noise_m * noise_m)
                 seen = jacobian(phase, side, r, p, work)
+                J[seen:] = 0.0
                 for i in range(seen):
                     v = weight * J[i]
                     gradient[i] += v * away
-                    for j in range(i + 1):
-                        information[i, j] += v * J[j]
+                    row = information[i]
+                    for j in range(SEEN):  # whole vectors; what is above the diagonal is not read
+                        row[j] += v * J[j]
         if not cholesky(information, work.factor):
             return False
         solve(work.factor, gradient)

@@ -48,15 +48,19 @@ def candidates(frame, row, stack, lean, column, half, width_px, noise, t, sums, 
         return 0
     base = lowest - reach
     length = count + box + 2 * reach - 1
-    sums[0] = 0
+    total = np.int32(0)
+    sums[0] = total
+    line = frame[row, base : base + length]
     if stack == 3:
+        upper = frame[row - 1, base + shift : base + shift + length]
+        lower = frame[row + 1, base - shift : base - shift + length]
         for j in range(length):
-            k = base + j
-            three = np.int64(frame[row, k]) + frame[row - 1, k + shift] + frame[row + 1, k - shift]
-            sums[j + 1] = sums[j] + three
+            total += np.int32(line[j]) + np.int32(upper[j]) + np.int32(lower[j])
+            sums[j + 1] = total
     else:
         for j in range(length):
-            sums[j + 1] = sums[j] + np.int64(frame[row, base + j])
+            total += np.int32(line[j])
+            sums[j + 1] = total
     threshold = max(t.contrast, t.noise_factor * noise * math.sqrt((1.0 / box + 1.0 / flank) / stack))
     per_box, per_flank = 1.0 / (box * stack), 1.0 / (flank * stack)
     for k in range(count):
