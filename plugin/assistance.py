@@ -362,7 +362,10 @@ class DriverAssistance:
     def _points(self, path: Trajectory) -> Array:
         """(n, 4, 3) of a path at HORIZONS_S."""
         at = self._horizon
-        return np.stack([path.forward_m[:, at], path.left_m[:, at], path.heading_rad[:, at]], axis=-1)
+        points = np.empty((len(path.forward_m), len(at), 3))
+        points[..., 0], points[..., 1] = path.forward_m[:, at], path.left_m[:, at]
+        points[..., 2] = path.heading_rad[:, at]
+        return points
 
     def _columns(
         self,
@@ -426,7 +429,7 @@ class DriverAssistance:
         side = crossings["predicted"].side
         return {
             "tlc_s": crossings["predicted"].tlc_s,
-            "tlc_side": np.select([side > 0, side < 0], [0, 1], -1),
+            "tlc_side": np.where(side > 0, 0, np.where(side < 0, 1, -1)),
             "tlc_constant_velocity_s": crossings["constant_velocity"].tlc_s,
             "tlc_constant_radius_s": crossings["constant_radius"].tlc_s,
             "tlc_true_state_s": floor.tlc_s,

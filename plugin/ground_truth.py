@@ -13,7 +13,7 @@ Array = np.ndarray[Any, Any]
 
 def curvature_ahead(ahead: RoadAhead, distance_m: float) -> Array:
     """(n,) curvature of the path so far ahead of the centre of gravity; NaN where the path ends before."""
-    j = int(np.clip(np.searchsorted(AHEAD_M, distance_m), 1, len(AHEAD_M) - 1))
+    j = min(max(int(np.searchsorted(AHEAD_M, distance_m)), 1), len(AHEAD_M) - 1)
     part = (distance_m - AHEAD_M[j - 1]) / (AHEAD_M[j] - AHEAD_M[j - 1])
     before, after = ahead.curvature_1pm[:, j - 1], ahead.curvature_1pm[:, j]
     return np.asarray(before + part * (after - before))
@@ -33,7 +33,7 @@ def true_motion(truth: EgoTruth, ahead: RoadAhead, preview_m: float) -> MotionEs
         lateral_offset_m=truth.lane_offset_m,
         heading_error_rad=truth.lane_heading_rad,
         curvature_1pm=truth.curvature_1pm,
-        curvature_rate_1pm2=np.nan_to_num(rate, nan=0.0),
+        curvature_rate_1pm2=np.where(np.isnan(rate), 0.0, rate),
         lane_width_m=truth.lane_width_m,
         settled_s=np.full(len(truth.handle), np.inf),
         lane_shift=np.zeros(len(truth.handle), np.int8),

@@ -128,7 +128,7 @@ class Ranging:
             readings.speed_mps,
             readings.acceleration_mps2,
             readings.yaw_rate_rps,
-            np.nan_to_num(motion.lateral_speed_mps),
+            np.where(np.isnan(motion.lateral_speed_mps), 0.0, motion.lateral_speed_mps),
         )
         tracker, tracks = self._tracker.step(tracked.tracker, detections, ego, STEP_S)
         leaders, followed = tracked.leaders, tracks

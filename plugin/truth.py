@@ -69,7 +69,8 @@ class Scorer:
         if len(columns["handle"]):
             self._steps.append(columns)
             self.vehicle_steps += len(columns["handle"])
-            self.distance_m += float(np.nansum(columns["speed_mps"])) * STEP_S
+            speed = columns["speed_mps"]
+            self.distance_m += float(np.where(np.isnan(speed), 0.0, speed).sum()) * STEP_S
 
     def now(self, columns: dict[str, Array], row: int) -> dict[str, Any]:
         """A row of `steps` of one step, as far as it is known before its future: no true TLC, no verdicts."""

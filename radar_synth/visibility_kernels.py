@@ -228,12 +228,14 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _may_be_seen(forward, left, size, radar):  # type: ignore[no-untyped-def]
-    """Whether a body of this half-diagonal, its centre here (from the radar), reaches into a beam."""
+def _may_be_seen(forward, left, size, edges, radar):  # type: ignore[no-untyped-def]
+    """Whether a body of this half-diagonal, its centre here (from the radar), reaches into a beam.
+
+    edges (beams, 2) : cosine and sine of their angles.
+    """
     r = math.hypot(forward, left)
     for k in range(radar.beam_angle.size):
-        edge = radar.beam_angle[k]
-        outside = abs(left) * math.cos(edge) - forward * math.sin(edge)
+        outside = abs(left) * edges[k, 0] - forward * edges[k, 1]
         if r - size <= radar.beam_range[k] and outside <= size and forward > -size:
             return True
     return False
@@ -274,8 +276,9 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: igno
     index, distance = np.empty(vehicles + posts, np.int64), np.empty(vehicles + posts)
     order = np.empty(vehicles + posts, np.int64)
     used = np.zeros(n, np.int64)
-    furthest = 0.0
+    furthest, edges = 0.0, np.empty((radar.beam_angle.size, 2))
     for k in range(radar.beam_range.size):
+        edges[k, 0], edges[k, 1] = math.cos(radar.beam_angle[k]), math.sin(radar.beam_angle[k])
         furthest = max(furthest, radar.beam_range[k] + 30.0)
     for i in range(n):
         if not (math.isfinite(x[i]) and math.isfinite(y[i])):
@@ -291,7 +294,7 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: igno
             dy -= half * math.sin(snapshot.heading_rad[k])
             forward, left = c * dx + s * dy, c * dy - s * dx
             size = math.hypot(half, 0.5 * snapshot.width_m[k])
-            if _may_be_seen(forward - radar.forward, left - radar.left, size, radar):
+            if _may_be_seen(forward - radar.forward, left - radar.left, size, edges, radar):
                 index[found], distance[found] = k, math.hypot(forward, left)
                 found += 1
         first = _first_from(roadside.x_m, x[i] - furthest)
@@ -299,7 +302,7 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: igno
             dx, dy = roadside.x_m[first] - x[i], roadside.y_m[first] - y[i]
             forward, left = c * dx + s * dy, c * dy - s * dx
             size = 0.5 * math.hypot(roadside.length_m[first], roadside.width_m[first])
-            if _may_be_seen(forward - radar.forward, left - radar.left, size, radar):
+            if _may_be_seen(forward - radar.forward, left - radar.left, size, edges, radar):
                 index[found], distance[found] = vehicles + first, math.hypot(forward, left)
                 found += 1
             first += 1

@@ -154,9 +154,9 @@ class ClosingFilter:
         """
         key = tracks.owner << 32 | tracks.track_id
         known = state.owner << 32 | state.track_id
-        alive = np.isin(known, key, assume_unique=True)
-        state, known = select(state, alive), known[alive]
-        row = np.searchsorted(key, known)
+        row = np.searchsorted(key, known)  # both in ascending order
+        alive = np.append(key, -1)[row] == known
+        row, state = row[alive], select(state, alive)
         along = self._step(state, row, tracks, detections, sensor, view, dt_s)
         entered = (in_path[tracks.owner] == tracks.track_id[:, None]).any(axis=1)
         entered[row] = False

@@ -133,7 +133,8 @@ class Tracker:
         Raises ValueError where a detection or a time step is not a number, or a time step is negative.
         """
         options, n = self.options, len(state.next_id)
-        dt = np.array(np.broadcast_to(dt_s, (n,)), np.float64)  # of its own: one variant of the kernels
+        dt = np.empty(n)  # of its own: one variant of the kernels
+        dt[:] = dt_s
         _check(detections, dt)
         sensor = sensor_motion(ego, options.filters.mount_forward_m)
         order = np.argsort(detections.owner, kind="stable")

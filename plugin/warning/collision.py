@@ -5,6 +5,7 @@ while the lane is lost, the circle that the vehicle steers. Two levels: a remind
 (brake).
 """
 
+import functools
 import math
 from typing import Any, NamedTuple, Self
 
@@ -154,8 +155,8 @@ def targets_from(tracks: TrackList, unseen_s: Array, latest_s: float = 0.25) -> 
     Left out are tracks that are tentative, oncoming (or were so before they stopped), or not detected for
     longer than `latest_s`: those of vehicles just passed drift into the path while they coast.
     """
-    oncoming = np.isin(tracks.motion_state, (classification.ONCOMING, classification.STOPPED_ONCOMING))
-    e = tracks.estimate
+    state, e = tracks.motion_state, tracks.estimate
+    oncoming = (state == classification.ONCOMING) | (state == classification.STOPPED_ONCOMING)
     return Targets(
         tracks.owner,
         tracks.track_id,
@@ -166,7 +167,7 @@ def targets_from(tracks: TrackList, unseen_s: Array, latest_s: float = 0.25) -> 
         e.ax_mps2,
         tracks.detection >= 0,
         tracks.confirmed & ~oncoming & (unseen_s <= latest_s),
-        np.isin(tracks.motion_state, (classification.STATIONARY, classification.UNCLASSIFIED)),
+        (state == classification.STATIONARY) | (state == classification.UNCLASSIFIED),
     )
 
 
@@ -210,6 +211,7 @@ class InPath(NamedTuple):
     offset_m: Array  # left of the path's middle; NaN for tracks that are not usable
 
 
+@functools.cache
 def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, CollisionNumbers]:
     """The kernels' view of the settings."""
     o = options
