@@ -136,9 +136,16 @@ def drive(
     after_step: Callable[[], None] = lambda: None,
 ) -> None:
     """SUMO alone for the warm-up, then with the assistance; `stop_here` is called where it may end."""
-    with _progress(console) as progress, compiling() as meet:
-        first = f"{name}: starting (compiles once, about a minute)"
-        task = progress.add_task(first, total=steps, vehicles=0)
+
+    def tell(kernels: int) -> None:
+        text = f"{name}: compiling, once, about a minute"
+        progress.update(task, description=f"{text}: {kernels} kernels")
+        if progress.disable and not kernels:  # no terminal: a line instead of the bar
+            console.print(text, markup=False)
+
+    progress = _progress(console)
+    task = progress.add_task(f"{name}: starting", total=steps, vehicles=0)
+    with progress, compiling(tell) as meet:
         for _ in range(warm_up_steps):
             traffic.step()
             stop_here()

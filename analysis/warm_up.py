@@ -11,23 +11,55 @@ import contextlib
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba.core import event
+
+from sumo_net.compile import kept
 
 Meet = Callable[[], None]
+Tell = Callable[[int], None]
+_TELL_EVERY_S = 0.2
 
 
 @contextlib.contextmanager
-def compiling() -> Iterator[Meet]:
+def compiling(tell: Tell = lambda _: None) -> Iterator[Meet]:
     """Have the kernels compiled by two processes, if they are not yet.
 
     Call what it gives before the first step: that does this process's share, and returns when the helper has
-    done the first of its own.
+    done the first of its own. `tell` is called with the number of kernels done, first with 0.
     """
-    if compiled() or (os.cpu_count() or 1) < 2:
+    if compiled():
+        yield lambda: None
+        return
+    tell(0)
+    with event.install_listener("numba:compile", _Teller(tell)), _with_helper() as meet:
+        yield meet
+
+
+class _Teller(event.Listener):
+    """Tells how far both processes are, after a kernel that this one has compiled."""
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell, self._told = tell, time.monotonic()
+
+    def on_start(self, event: Any) -> None:
+        """Nothing is done yet."""
+
+    def on_end(self, event: Any) -> None:
+        """A kernel, or one within another, is compiled."""
+        if time.monotonic() - self._told > _TELL_EVERY_S:
+            self._told = time.monotonic()
+            self._tell(kept())
+
+
+@contextlib.contextmanager
+def _with_helper() -> Iterator[Meet]:
+    if (os.cpu_count() or 1) < 2:
         yield lambda: None
         return
     # -P: whatever is called `analysis` where the user stands is not this one

@@ -67,3 +67,15 @@ def test_without_a_cache_no_helper_starts(monkeypatch):
     uncached = SimpleNamespace(stats=SimpleNamespace(cache_path=None))
     monkeypatch.setattr(refine_kernels, "step_kernel", uncached)
     assert warm_up.compiled()
+
+
+def test_it_tells_how_many_kernels_are_done(monkeypatch):
+    told = []
+    monkeypatch.setattr(warm_up, "compiled", lambda: False)
+    monkeypatch.setattr(warm_up.os, "cpu_count", lambda: 1)
+    monkeypatch.setattr(warm_up, "_TELL_EVERY_S", -1.0)
+    with warm_up.compiling(told.append) as meet:
+        meet()
+        numba.njit(lambda x: x + 1.0)(1.0)
+    assert told[0] == 0
+    assert told[-1] > 0

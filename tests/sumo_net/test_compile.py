@@ -77,3 +77,36 @@ def test_a_cache_on_a_full_disk_is_done_without(monkeypatch: pytest.MonkeyPatch)
         return 3.0 * x
 
     assert triple(2.0) == 6.0
+
+
+CALLING = """from sumo_net.compile import inlined, kernel
+
+@kernel
+def twice(x):
+    return 2.0 * x
+
+@inlined
+def half(x):
+    return 0.5 * x
+
+@kernel
+def both(x):
+    return twice(x) + half(x)
+"""
+
+
+def call_within(folder: Path) -> tuple[float, list[str], float, int, int]:
+    """In a process of its own: what `both` gives, what is in the cache, and then of `twice` by itself."""
+    sys.path.insert(0, str(folder))
+    import calling  # type: ignore[import-not-found]
+
+    given = calling.both(3.0)
+    files = sorted(file.name.split("-")[0] for file in (folder / "__pycache__").glob("*.nbi"))
+    before = compiling.kept()
+    return given, files, calling.twice(3.0), before, compiling.kept()
+
+
+def test_a_kernel_within_another_is_not_kept_by_itself(tmp_path: Path) -> None:
+    (tmp_path / "calling.py").write_text(CALLING)
+    with ForkServer(("sumo_net.compile",)) as server:
+        assert server.result(call_within, tmp_path) == (7.5, ["calling.both"], 6.0, 1, 2)
