@@ -140,12 +140,13 @@ class Ego:
         motion.lane[:] = now.lane
         motion.lane_position_m[changed] = np.nan
         table, bumper = self._roads.table, self._vehicle.bumper_m
-        onto_paths(
-            motion, mind, self._traits, table, changed, new_path,
-            now.lane_position_m, now.speed_mps, bumper, self._numbers, self._model,
-        )  # fmt: skip
+        if len(changed):
+            onto_paths(
+                motion, mind, self._traits, table, changed, new_path,
+                now.lane_position_m, now.speed_mps, bumper, self._numbers, self._model,
+            )  # fmt: skip
         drive = _no_drive(len(now.handle))
-        if alerted is not None:
+        if alerted is not None and len(alerted):
             drive.alerted[:] = np.isin(now.handle, alerted)
         drive_over(
             motion, mind, self._traits, drive, table, now.lane_position_m, now.speed_mps, bumper,
