@@ -30,6 +30,7 @@ LANE_M = 3.75
 
 
 @given(st.floats(-1.2, 1.2))
+@settings(deadline=None)
 def test_sine_and_cosine(angle: float) -> None:
     assert sine_cosine(angle) == pytest.approx((math.sin(angle), math.cos(angle)), abs=3e-7)
 
