@@ -3,10 +3,10 @@
 A track's filter has to serve for all objects. Of what is in path more is known: it is ahead, it accelerates
 and brakes as road vehicles do, and the camera sees how wide its rear looks. This filter follows it along the
 line of sight, with the state (range, speed over ground, acceleration, width of the rear). Its models are
-Singer's: an acceleration that is correlated over seconds, one model for steady driving, one for hard
-manoeuvres, mixed as in an IMM. The own way is taken out as it was driven. The width is unknown at first and
-learned from the radar's range; an error of it scales range and closing speed alike, so that the time to
-collision does not feel it.
+Singer's, each with its own correlation time: one for steady driving, one for a braking that goes on, one for
+its beginning and end, mixed as in an IMM. The own way is taken out as it was driven. The width is unknown
+at first and learned from the radar's range; an error of it scales range and closing speed alike, so that
+the time to collision does not feel it.
 """
 
 from typing import Any, NamedTuple, Self
@@ -38,21 +38,31 @@ class Closing:
     )
     camera: bool = Field(True, description="with how wide the rear looks in the camera's frames")
     acceleration_mps2: tuple[float, ...] = Field(
-        (0.5, 8.0), min_length=1, max_length=5, description="σ of each model's acceleration"
+        (0.5, 8.0, 8.0), min_length=1, max_length=5, description="σ of each model's acceleration"
     )
-    time_s: float = Field(2.0, gt=0, le=1000, description="correlation time of the acceleration")
+    time_s: tuple[float, ...] = Field(
+        (2.0, 200.0, 2.0),
+        min_length=1,
+        max_length=5,
+        description="for how long it is correlated: steady driving, a braking that goes on, its beginning",
+    )
     stay: float = Field(0.95, gt=0, lt=1, description="probability that a model still holds 0.1 s later")
     width_m: float = Field(2.0, gt=0, description="of a rear, before it has been seen")
     width_std_m: float = Field(0.4, gt=0, description="standard deviation of that")
-    width_walk_m: float = Field(0.02, ge=0, description="how far it wanders in 1 s: sides come into view")
+    width_walk_m: float = Field(0.003, ge=0, description="how far it wanders in 1 s: sides come into view")
     edge_px: float = Field(0.1, gt=0, description="σ of the width in the image")
-    edge_share: float = Field(0.0015, ge=0, description="and, in proportion to it")
-    gate: float = Field(16.0, gt=0, description="innovation squared over its variance; beyond it is dropped")
+    edge_share: float = Field(0.0002, ge=0, description="and, in proportion to it")
+    gate: float = Field(9.0, gt=0, description="innovation squared over its variance; beyond it is dropped")
 
     @model_validator(mode="after")
     def _accelerations(self) -> Self:
         if min(self.acceleration_mps2) <= 0.0:
             raise ValueError(f"acceleration_mps2 = {self.acceleration_mps2}: each must be above 0")
+        if min(self.time_s) <= 0.0 or len(self.time_s) != len(self.acceleration_mps2):
+            raise ValueError(
+                f"time_s = {self.time_s}: must be {len(self.acceleration_mps2)} numbers above 0, "
+                "one for each of acceleration_mps2"
+            )
         return self
 
 
@@ -61,7 +71,7 @@ class ClosingNumbers(NamedTuple):
 
     markov: Array  # (r, r) of 0.1 s
     sigma: Array  # (r,) m/s²
-    time: float  # s
+    time: Array  # (r,) s
     range_noise: float
     rate_noise: float
     width: float
@@ -99,7 +109,7 @@ class ClosingFilter:
         self._numbers = ClosingNumbers(
             markov,
             np.array(options.acceleration_mps2),
-            options.time_s,
+            np.array(options.time_s),
             noise.range_m,
             noise.range_rate_mps,
             options.width_m,

@@ -9,7 +9,7 @@ from sumo_net.compile import kernel
 RANGE, SPEED, ACCELERATION, WIDTH = range(4)
 _N = 4
 _NEAREST_M = 0.1
-MISFITS = 5  # widths in a row that do not fit the one learned
+MISFITS = 2  # widths in a row that do not fit the one learned
 
 
 @kernel
@@ -80,7 +80,7 @@ def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, d, p, ou
                         )  # fmt: skip
         highest = -math.inf
         for j in range(r):
-            e = math.exp(-d / p.time)
+            e = math.exp(-d / p.time[j])
             F[0, 1], F[0, 2], F[1, 2], F[2, 2] = d, 0.5 * d * d, d, e
             for a in range(_N):
                 x[t, j, a] = 0.0

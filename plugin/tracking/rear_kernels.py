@@ -7,9 +7,11 @@ import numpy as np
 from camera_synth.camera import image_from_vehicle
 from sumo_net.compile import kernel
 
-# Heights on the body over which its sides are looked for: what is painted, and where that is as grey as the
-# road, the dark strip. Lower on the strip its shadow is wider, higher up the lane's lines show close to it.
-_ZONES_M = (0.26, 0.46, 0.15, 0.21)
+# Heights on the body that bound the zones in which its sides are looked for: above the shadow's reach, and
+# where nothing stands out there, the dark strip. Lower on the strip its shadow is wider, higher up the lane's
+# lines show close to it.
+_PAINT_M = (0.22, 0.28, 0.34, 0.40, 0.46)
+_STRIP_M = (0.15, 0.21)
 _NEAREST_M, _FURTHEST_M = 3.0, 80.0  # nearer than this a body fills the image
 _BAND_LOW_M, _BAND_HIGH_M = (
     0.13,
@@ -21,7 +23,7 @@ _SLACK_M, _SLACK_PX = 1.5, 4.0  # how far off the expected foot, by the radar's 
 _ROAD_M = 2.0  # the road's grey is read so much nearer than that
 _NARROWEST_M, _WIDEST_M = 1.2, 3.4
 _REACH_PX, _MOST_PX = 2.0, 8.0  # how far off an expected side it may be, beside this in metres:
-_AFTER_STRIP_M, _AFTER_FRAME_M = 0.05, 0.05
+_AFTER_STRIP_M, _AFTER_FRAME_M = 0.10, 0.05
 _CONTRAST = 12.0  # least step of the grey at a side, over the root of the rows averaged
 _DISTINCT = 2.5  # and over the usual step beside it
 
@@ -99,59 +101,79 @@ def strip(frame, x, y, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _side(profile, expected, reach):  # type: ignore[no-untyped-def]
-    """(column, step) of the strongest step of a profile (width,) within `reach` of the expected column.
-
-    The step is 0 where none stands out.
-    """
-    low, high = math.floor(expected - reach), math.ceil(expected + reach)
-    if low < 2 or high > profile.shape[0] - 4:
-        return math.nan, 0.0
-    best, at, total = 0.0, low, 0.0
-    for c in range(low, high + 1):  # a side within a pixel shows in two steps of the same sign
-        total += abs(profile[c + 1] - profile[c])
-        size = abs(profile[c + 2] - profile[c])
-        if size > best:
-            best, at = size, c
-    before, after = 0.5 * (profile[at - 2] + profile[at - 1]), 0.5 * (profile[at + 3] + profile[at + 4])
-    before, after = 0.5 * (before + profile[at]), 0.5 * (after + profile[at + 2])
-    step = after - before
-    if abs(step) * (high - low + 1) < _DISTINCT * total:
-        return math.nan, 0.0
-    covered = (after - profile[at + 1]) / step  # this share of the pixel between is still as before
-    return at + 0.5 + min(max(covered, 0.0), 1.0), abs(step)
+def _profiles(frame, zones, x, y, lift, first, last, p, rows, profile):  # type: ignore[no-untyped-def]
+    """Mean grey of columns first..last by zone into profile (zones, width); rows (zones,): how many."""
+    height = frame.shape[0]
+    for z in range(len(rows)):
+        low = max(round(_row(zones[z], x, y, p) + lift), 0)
+        high = min(round(_row(zones[z + 1], x, y, p) + lift), height)  # that row is the next zone's
+        rows[z] = max(high - low, 0)
+        for c in range(first, last + 1):
+            total = 0.0
+            for row in range(low, high):
+                total += frame[height - 1 - row, c]
+            profile[z, c] = total / rows[z] if rows[z] > 0 else 0.0
 
 
 @kernel
-def sides(frame, x, y, lift, left, right, reach_m, profile, p):  # type: ignore[no-untyped-def]
+def _side(profile, rows, expected, reach):  # type: ignore[no-untyped-def]
+    """(column, step) of the upright side nearest to all the strength that profile (zones, width) has.
+
+    It is looked for within `reach` of the expected column. A body's side is upright and so in one column in
+    all zones, whatever its tone in each; lines are slanted. The step counts the rows' noise; it is 0 where
+    none stands out.
+    """
+    low, high = math.floor(expected - reach), math.ceil(expected + reach)
+    if low < 2 or high > profile.shape[1] - 5:
+        return math.nan, 0.0
+    best, at, total = 0.0, low, 0.0
+    for c in range(low, high + 1):  # a side within a pixel shows in two steps of the same sign
+        size = 0.0
+        for z in range(len(rows)):
+            total += rows[z] * abs(profile[z, c + 1] - profile[z, c])
+            size += rows[z] * abs(profile[z, c + 2] - profile[z, c])
+        if size > best:
+            best, at = size, c
+    if best * (high - low + 1) < _DISTINCT * total:
+        return math.nan, 0.0
+    column, weight = 0.0, 0.0
+    for z in range(len(rows)):
+        g = profile[z]
+        before = 0.5 * (0.5 * (g[at - 2] + g[at - 1]) + g[at])
+        after = 0.5 * (0.5 * (g[at + 3] + g[at + 4]) + g[at + 2])
+        step = after - before
+        if rows[z] > 0 and step != 0.0:
+            covered = (after - g[at + 1]) / step  # this share of the pixel between is still as before
+            column += rows[z] * step * step * min(max(covered, 0.0), 1.0)
+            weight += rows[z] * step * step
+    if weight == 0.0:
+        return math.nan, 0.0
+    return at + 0.5 + column / weight, math.sqrt(weight)
+
+
+@kernel
+def sides(frame, x, y, lift, left, right, reach_m, p):  # type: ignore[no-untyped-def]
     """(left, right) columns of the sides of a body at (x, y), expected at `left` and `right`.
 
-    lift : rows by which it stands higher in the image than (x, y) says; profile (width,) is scratch. NaN
-    where a side is not to be seen.
+    lift : rows by which it stands higher in the image than (x, y) says. NaN where a side is not to be seen.
     """
-    height, width = frame.shape
+    width = frame.shape[1]
     scale = p.focal / max(x - p.forward, 1.0)
     reach = min(_REACH_PX + reach_m * scale, _MOST_PX)
     found = np.full(2, math.nan)
+    rows, profile = np.zeros(len(_PAINT_M) - 1), np.zeros((len(_PAINT_M) - 1, width))
     for k in range(2):
         expected = left if k == 0 else right
         if not 0.0 <= expected <= width - 1.0:
             return math.nan, math.nan
         first, last = int(max(expected - reach - 4, 0)), int(min(expected + reach + 6, width - 1))
-        for zone in range(2):
-            low = max(round(_row(_ZONES_M[2 * zone], x, y, p) + lift), 0)
-            high = min(round(_row(_ZONES_M[2 * zone + 1], x, y, p) + lift), height - 1)
-            rows = high - low + 1
-            if rows < 1 or math.isfinite(found[k]):
-                continue
-            for c in range(first, last + 1):
-                total = 0.0
-                for row in range(low, high + 1):
-                    total += frame[height - 1 - row, c]
-                profile[c] = total / rows
-            column, step = _side(profile, expected, reach)
-            if step * math.sqrt(rows) > _CONTRAST:
-                found[k] = column
+        _profiles(frame, _PAINT_M, x, y, lift, first, last, p, rows, profile)
+        column, step = _side(profile, rows, expected, reach)
+        if step <= _CONTRAST:
+            _profiles(frame, _STRIP_M, x, y, lift, first, last, p, rows[:1], profile)
+            column, step = _side(profile[:1], rows[:1], expected, reach)
+        if step > _CONTRAST:
+            found[k] = column
     if not _NARROWEST_M * scale <= found[1] - found[0] <= _WIDEST_M * scale:
         return math.nan, math.nan
     return found[0], found[1]
@@ -160,7 +182,6 @@ def sides(frame, x, y, lift, left, right, reach_m, profile, p):  # type: ignore[
 @kernel
 def look_fleet(frames, watched, p, out):  # type: ignore[no-untyped-def]
     """`RearView` of n vehicles into `out`, which is empty before; frames (n, rows, columns)."""
-    profile = np.zeros(frames.shape[2])
     for i in range(frames.shape[0]):
         x, y = watched.x_m[i], watched.y_m[i]
         if watched.track_id[i] < 0 or not _NEAREST_M < x - p.forward < _FURTHEST_M:
@@ -168,10 +189,10 @@ def look_fleet(frames, watched, p, out):  # type: ignore[no-untyped-def]
         # The strip at the foot is told from the lane's lines behind the body; the frame before is not.
         left, right, lift = strip(frames[i], x, y, p)
         if math.isfinite(left):
-            left, right = sides(frames[i], x, y, lift, left, right, _AFTER_STRIP_M, profile, p)
+            left, right = sides(frames[i], x, y, lift, left, right, _AFTER_STRIP_M, p)
         if math.isnan(left) and math.isfinite(watched.left_px[i] + watched.right_px[i]):
             left, right = watched.left_px[i], watched.right_px[i]
-            left, right = sides(frames[i], x, y, 0.0, left, right, _AFTER_FRAME_M, profile, p)
+            left, right = sides(frames[i], x, y, 0.0, left, right, _AFTER_FRAME_M, p)
         if math.isfinite(left):
             out.track_id[i] = watched.track_id[i]
             out.left_px[i], out.right_px[i] = left, right

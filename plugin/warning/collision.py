@@ -100,8 +100,8 @@ class Collision:
     jerk_mps3: float = Field(
         1.2,
         gt=0,
-        description="a lane whose curvature changes so fast at the own speed is taken for lost, too: roads are "
-        "built for 0.3 to 0.9 m/s³",
+        description="a lane whose curvature changes so fast at the own speed is taken for lost, too: roads "
+        "are built for 0.3 to 0.9 m/s³",
     )
     road_reach_m: float = Field(60.0, gt=0, description="the lane's curvature changes on up to there")
     least_speed_mps: float = Field(2.8, ge=0, description="active from 10 km/h")
