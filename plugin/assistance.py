@@ -313,7 +313,7 @@ class DriverAssistance:
         scene = Scene(ahead, objects, pose, truth.lanes_left, truth.lane_offset_m, truth.lane_width_m)
         sensors, own = self._own.step(state.own, truth)
         speed = own.readings.speed_mps
-        vision, sight = self._vision.step(state.vision, scene, speed)
+        vision, sight = self._vision.step(state.vision, scene, speed, self._own.turning(own, state.observer))
         observing, motion = observer.step(state.observer, self._observing, sight.lane, speed, own.observed)
         paths, crossings = self._foresee(motion, speed, spans)
         actual = true_motion(truth, ahead, self._preview_m)

@@ -45,6 +45,10 @@ class OwnSensors:
         yaw_rate = readings.yaw_rate_rps if self._sensors.used else np.full(len(steer), np.nan)
         return after, OwnMotion(readings, OwnReadings(yaw_rate, steer))
 
+    def turning(self, own: OwnMotion, state: observer.State) -> Array:
+        """The gyroscope's yaw rate (n,) less what was known of its offset in the step before; NaN without."""
+        return own.observed.yaw_rate_rps - observer.gyroscope_offset(state)
+
     def for_radar(self, own: OwnMotion, state: observer.State, motion: MotionEstimate) -> Readings:
         """The readings with the best yaw rate there is; as they are where the sensors make no error."""
         if not self._sensors.used:

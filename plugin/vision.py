@@ -112,13 +112,17 @@ class Vision:
             genetic.init(keys("search beside")),
         )
 
-    def step(self, state: VisionState, scene: Scene, speed_mps: Array) -> tuple[VisionState, Sight]:
-        """Render and look, for n > 0 vehicles."""
+    def step(
+        self, state: VisionState, scene: Scene, speed_mps: Array, yaw_rate_rps: Array
+    ) -> tuple[VisionState, Sight]:
+        """Render and look, for n > 0 vehicles; their own yaw rates, NaN for cameras alone."""
         n = len(speed_mps)
         chunks = self._threads * -(-n // (CHUNK * self._threads))  # as many for every thread
         size = max(-(-n // chunks), LEAST_CHUNK)
         slices = [slice(k, min(k + size, n)) for k in range(0, n, size)]
-        work = [(select(state, part), select(scene, part), speed_mps[part]) for part in slices]
+        work = [
+            (select(state, part), select(scene, part), speed_mps[part], yaw_rate_rps[part]) for part in slices
+        ]
         run = self._pool.map if self._pool is not None and len(work) > 1 else map
         done = list(run(self._chunk, work))
         return join(*(after for after, _ in done)), join(*(sight for _, sight in done))
@@ -141,14 +145,14 @@ class Vision:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def _chunk(self, work: tuple[VisionState, Scene, Array]) -> tuple[VisionState, Sight]:
-        state, scene, speed_mps = work
+    def _chunk(self, work: tuple[VisionState, Scene, Array, Array]) -> tuple[VisionState, Sight]:
+        state, scene, speed_mps, yaw_rate_rps = work
         buffer = self._buffers.get()
         try:
             frames = buffer[: len(speed_mps)]
             truth = new_border_columns(len(speed_mps))
             self.draw(frames, state, scene, PROCESSED_FROM, (_own_slot(scene), truth))
-            return self._look(frames, state, scene, speed_mps, truth)
+            return self._look(frames, state, scene, speed_mps, yaw_rate_rps, truth)
         finally:
             self._buffers.put(buffer)
 
@@ -175,7 +179,13 @@ class Vision:
         )
 
     def _look(
-        self, frames: Array, state: VisionState, scene: Scene, speed_mps: Array, truth: BorderColumns
+        self,
+        frames: Array,
+        state: VisionState,
+        scene: Scene,
+        speed_mps: Array,
+        yaw_rate_rps: Array,
+        truth: BorderColumns,
     ) -> tuple[VisionState, Sight]:
         lane_state, search = state.lane, state.search
         if self._paper:
@@ -195,6 +205,7 @@ class Vision:
                 speed_mps,
                 self._configuration.refine,
                 state.hidden,
+                yaw_rate_rps,
             )
             borders = refine.parabolas(lane_state, self._projection)
             columns = refine.border_columns(lane_state, JUDGED_Y, self._projection)

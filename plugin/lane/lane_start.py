@@ -16,6 +16,7 @@ from plugin.lane.acquire import (
     vote,
 )
 from plugin.lane.evidence import pixel_noise, plausible, side_seen, support_of
+from plugin.lane.own_turn import expect, trust
 from plugin.lane.refine_fit import (
     cholesky,
     fit,
@@ -75,8 +76,10 @@ def room_for(rows):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lean_to_lane(predicted, about, t, work, scratch):  # type: ignore[no-untyped-def]
-    """Add to the prior that a car mostly drives along its lane: heading `about` ± start_heading_std."""
+def lean_to_lane(predicted, about, speed, yaw_rate, t, work, scratch):  # type: ignore[no-untyped-def]
+    """Add to the prior that a car mostly drives along its lane, heading `about` ± start_heading_std, and what
+    its own yaw rate tells.
+    """
     for i in range(STATES):
         scratch[i] = 0.0
         for j in range(STATES):
@@ -84,6 +87,7 @@ def lean_to_lane(predicted, about, t, work, scratch):  # type: ignore[no-untyped
     sure = 1.0 / (t.start_heading_std * t.start_heading_std)
     work.prior[HEADING, HEADING] += sure
     scratch[HEADING] += sure * about
+    expect(work.prior, scratch, speed, yaw_rate, t.yaw_rate_std)
     if not cholesky(work.prior, work.factor):
         return False
     solve(work.factor, scratch)
@@ -92,10 +96,11 @@ def lean_to_lane(predicted, about, t, work, scratch):  # type: ignore[no-untyped
 
 
 @kernel
-def start(frame, left, right, given, about, rows, p, speed, t, work, room, x, P):  # type: ignore[no-untyped-def]
+def start(frame, left, right, given, about, rows, p, speed, yaw_rate, t, work, room, x, P):  # type: ignore[no-untyped-def]
     """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane.
 
     left, right: the search's a, b, c of this vehicle where `given`. about: the heading to be expected, rad.
+    yaw_rate: the vehicle's own, NaN for none; the more a lane turns against it, the fewer its rows count.
     """
     best = 0
     trial, predicted = room.trial, room.predicted
@@ -130,7 +135,7 @@ def start(frame, left, right, given, about, rows, p, speed, t, work, room, x, P)
         if not invert(P, work.factor, work.prior):
             continue
         predict_spread(trial, P, 0.0, rows, p, t, work)
-        if not lean_to_lane(predicted, about, t, work, room.x):
+        if not lean_to_lane(predicted, about, speed, yaw_rate, t, work, room.x):
             continue
         noise = pixel_noise(frame, rows, work)
         gather(frame, rows, t, noise, work)
@@ -149,7 +154,7 @@ def start(frame, left, right, given, about, rows, p, speed, t, work, room, x, P)
             continue
         if not plausible(trial, speed, t) or abs(trial[OFFSET]) > 0.5 * trial[WIDTH] + 0.3:
             continue
-        support = support_of(work)
+        support = int(support_of(work) * trust(trial, 0.0, speed, yaw_rate, t.usual_turn))
         if support > best and invert(work.information, work.factor, room.covariance):
             best = support
             room.chosen[:] = trial

@@ -121,6 +121,11 @@ class Tuning(NamedTuple):
     rival_rad: float = 0.015
     rival_width_m: float = 0.4
     rival_looks: int = 5  # in which a lane that differs must be the same to be believed
+    yaw_rate_std: float = 0.003  # of the own yaw rate as a measurement
+    usual_turn: float = 0.02  # rad/s against the lane: the more of it, the less a lane found anew counts
+    odd_turn: float = 0.0016  # rad/s by which a fitted lane may miss the yaw rate while less of it is seen
+    odd_frames: int = 3  # after which a proven lane that does is no longer proven
+    odd_bend: float = 0.002  # 1/m by which the road under the wheels is then less known, each frame
 
 
 class LaneState(NamedTuple):
@@ -211,12 +216,14 @@ def step(
     speed_mps: Array,
     refine: Refine,
     hidden: Array | None = None,
+    yaw_rate_rps: Array | None = None,
 ) -> tuple[LaneState, LaneEstimate]:
     """One frame of each of n vehicles.
 
     frames (n, 240, 320) uint8. borders: the published search's, for the vehicles that `given` (n,) bool
     marks; None for none. speed_mps (n,): of the step that led here. hidden (n, BODIES, COLUMNS): the bodies
-    ahead, from `plugin.lane.hidden`, where they are known.
+    ahead, from `plugin.lane.hidden`, where they are known. yaw_rate_rps (n,): the vehicles' own, NaN or None
+    for a camera alone.
 
     Raises ValueError where the sizes do not fit.
     """
@@ -240,6 +247,7 @@ def step(
         _rows(projection),
         projection,
         np.ascontiguousarray(speed_mps, np.float64),
+        np.full(n, np.nan) if yaw_rate_rps is None else np.ascontiguousarray(yaw_rate_rps, np.float64),
         tuning(refine, preview_distance(projection)),
         new,
         out,

@@ -8,6 +8,7 @@ from plugin.lane.evidence import pixel_noise, plausible, share_of_paint, side_se
 from plugin.lane.hidden import outline
 from plugin.lane.lane_motion import predict, shift_lane
 from plugin.lane.lane_start import room_for, start
+from plugin.lane.own_turn import contradicted, measure, open_road, trust
 from plugin.lane.refine_fit import farthest_found, fit, gather, invert, predict_spread, tally, workspace
 from plugin.lane.rival import LOOKS, carry, contradicts, prove
 from plugin.lane.road_model import (
@@ -49,11 +50,12 @@ def second_look(status, age, misses, doubtful):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new, out):  # type: ignore[no-untyped-def]
+def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rate, t, new, out):  # type: ignore[no-untyped-def]
     """One frame for every vehicle: state `old` -> `new`, LaneEstimate arrays in `out`."""
     work = workspace(rows.shape[0])
     room = room_for(rows.shape[0])
     before = np.zeros(STATES)
+    along = np.zeros(STATES)
     for i in range(frames.shape[0]):
         x, P = new.x[i], new.P[i]
         x[:], P[:, :] = old.x[i], old.P[i]
@@ -70,7 +72,20 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
         if status == SEARCHING:
             misses, age, proof, phase = 0, 0, 0, 0.0
             support = start(
-                frames[i], left[i], right[i], given[i], 0.0, rows, p, speed[i], t, work, room, x, P
+                frames[i],
+                left[i],
+                right[i],
+                given[i],
+                0.0,
+                rows,
+                p,
+                speed[i],
+                yaw_rate[i],
+                t,
+                work,
+                room,
+                x,
+                P,
             )
             if support > 0:
                 seen_left, seen_right = True, True
@@ -83,6 +98,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
             age += 1
             phase = predict(x, P, phase, speed[i] * t.step_s, t)
             carry(rival, speed[i] * t.step_s)
+            measure(x, P, phase, speed[i], yaw_rate[i], t.yaw_rate_std, along)
             before[:] = x
             good = invert(P, work.factor, work.prior)
             predict_spread(x, P, phase, rows, p, t, work)
@@ -144,10 +160,17 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
         for side in range(2):
             seen_lately = max(new.found[i, side], old.found[i, side])
             doubtful = doubtful or seen_lately < 0.6 * new.share[i, side]
-        proof += int(seen_left and seen_right)
+        odd = doubtful and status != SEARCHING and contradicted(x, phase, speed[i], yaw_rate[i], t.odd_turn)
+        if odd:
+            proof = max(min(proof, t.proven_frames + t.odd_frames) - 1, 0)
+            open_road(P, t.odd_bend)
+        else:
+            proof += int(seen_left and seen_right)
         proven = proof >= t.proven_frames
         if status != SEARCHING and (rival[LOOKS] > 0.0 or second_look(status, age, misses, doubtful)):
             support = support_of(work) if seen_left or seen_right else 0
+            if odd or not proven:
+                support = int(support * trust(x, phase, speed[i], yaw_rate[i], t.usual_turn))
             fresh = start(
                 frames[i],
                 left[i],
@@ -157,6 +180,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, t, new,
                 rows,
                 p,
                 speed[i],
+                yaw_rate[i],
                 t,
                 work,
                 room,

@@ -67,5 +67,10 @@ def step(
 
 def yaw_rate(state: State, motion: MotionEstimate, measured_rps: Array) -> Array:
     """The best yaw rate (n,) for the radar: as observed, else the gyroscope's less its known offset."""
-    offset = state.x[:, GYRO] if isinstance(state, FilterState) else 0.0
-    return np.where(np.isfinite(motion.yaw_rate_rps), motion.yaw_rate_rps, measured_rps - offset)
+    known = measured_rps - gyroscope_offset(state)
+    return np.where(np.isfinite(motion.yaw_rate_rps), motion.yaw_rate_rps, known)
+
+
+def gyroscope_offset(state: State) -> Array:
+    """(n,) rad/s by which the gyroscope is known to read too much."""
+    return state.x[:, GYRO] if isinstance(state, FilterState) else np.zeros(len(state.running))
