@@ -28,8 +28,8 @@ class EgoSensors:
 
     used: bool = Field(
         True,
-        description="false: the observer has the camera alone, speed, acceleration and the radar's yaw rate "
-        "are without error",
+        description="false: observer and lane tracker have the camera alone; speed, acceleration and "
+        "the radar's yaw rate are without error",
     )
     yaw_rate_noise_rps: float = Field(1e-3, ge=0, le=0.1, description="gyroscope: noise of a reading")
     yaw_rate_resolution_rps: float = Field(1.2e-3, ge=0, le=0.1, description="gyroscope: step, 0 for none")
