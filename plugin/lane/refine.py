@@ -125,7 +125,7 @@ class Tuning(NamedTuple):
     usual_turn: float = 0.02  # rad/s against the lane: the more of it, the less a lane found anew counts
     odd_turn: float = 0.0016  # rad/s by which a fitted lane may miss the yaw rate while less of it is seen
     odd_frames: int = 3  # after which a proven lane that does is no longer proven
-    odd_bend: float = 0.002  # 1/m by which the road under the wheels is then less known, each frame
+    odd_bend: float = 0.002  # 1/m by which the road is then less known, each frame without any border
 
 
 class LaneState(NamedTuple):

@@ -163,7 +163,8 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
         odd = doubtful and status != SEARCHING and contradicted(x, phase, speed[i], yaw_rate[i], t.odd_turn)
         if odd:
             proof = max(min(proof, t.proven_frames + t.odd_frames) - 1, 0)
-            open_road(P, t.odd_bend)
+            if not (seen_left or seen_right):
+                open_road(P, t.odd_bend)
         else:
             proof += int(seen_left and seen_right)
         proven = proof >= t.proven_frames
