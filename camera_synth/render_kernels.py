@@ -37,7 +37,9 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     curves = new_curves(road.forward_m.shape[1])
     crossings = new_crossings(rows)
     bodies = new_bodies(objects.handle.shape[1])
-    canvas, field = np.zeros((rows, width), np.float32), np.zeros((rows, width), np.float32)
+    canvas = np.empty((rows, width), np.float32)
+    glaring = np.any(looks.glare > 0.0)
+    field = np.zeros((rows if glaring else 1, width), np.float32)
     slot, borders = truth
     judged = borders.column.shape[0] == n
     middles, boxes = new_crossings(borders.column.shape[2] - 1), np.empty((objects.handle.shape[1], 4))

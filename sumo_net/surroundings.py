@@ -3,10 +3,9 @@
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from sumo_net.frames import vehicle_from_world, wrap_angle
 from sumo_net.snapshot import Array, Snapshot
+from sumo_net.surroundings_kernels import around
 
 REACH_M = 200.0
 MAX_OBJECTS = 32
@@ -57,57 +56,12 @@ def objects_around(
     Equal distances stand in the order of handles, so that the result does not depend on the fleet's order.
     Unused places have handle -1 and NaN elsewhere. A vehicle never sees itself.
     """
-    x, y, heading = snapshot.x_m, snapshot.y_m, snapshot.heading_rad
     half = snapshot.length_m / 2.0
-    centre_x, centre_y = x - half * np.cos(heading), y - half * np.sin(heading)
-    n, count = len(truth.handle), len(snapshot.handle)
-    seer = np.isfinite(truth.x_m) & np.isfinite(truth.y_m)
-    index = np.full((n, max_objects), -1)
-    if count and seer.any():
-        tree = cKDTree(np.column_stack([centre_x, centre_y]))
-        here = np.column_stack([truth.x_m[seer], truth.y_m[seer]])
-        # One more than wanted: the vehicle finds itself, too.
-        wanted = min(max_objects + 1, count)
-        distance, found = tree.query(here, k=[*range(1, wanted + 1)], distance_upper_bound=reach_m)
-        # The tree marks a place that it could not fill with the index `count`.
-        handles = np.append(snapshot.handle, np.iinfo(np.int64).max)[found]
-        distance = np.where(handles == truth.handle[seer, None], np.inf, distance)
-        order = np.lexsort((handles, distance), axis=1)[:, :max_objects]
-        found = np.take_along_axis(found, order, axis=1)
-        found[np.isinf(np.take_along_axis(distance, order, axis=1))] = -1
-        index[seer, : found.shape[1]] = found
-    return _objects(truth, snapshot, centre_x, centre_y, index)
-
-
-def _objects(truth: Poses, snapshot: Snapshot, centre_x: Array, centre_y: Array, index: Array) -> Objects:
-    used = index >= 0
-
-    def of(column: Array) -> Array:
-        taken = np.full(index.shape, np.nan)
-        taken[used] = column[index[used]]
-        return taken
-
-    handle = np.full(index.shape, -1, dtype=np.int64)
-    handle[used] = snapshot.handle[index[used]]
-    # arrays of their own: read-only ones, which n = 1 would give, need another variant of the kernel
-    own_x, own_y, own = (
-        np.repeat(part[:, None], index.shape[1], axis=1) for part in (truth.x_m, truth.y_m, truth.heading_rad)
+    centre_x = snapshot.x_m - half * np.cos(snapshot.heading_rad)
+    centre_y = snapshot.y_m - half * np.sin(snapshot.heading_rad)
+    shape = len(truth.handle), max_objects
+    found = Objects(np.empty(shape, np.int64), *(np.empty(shape) for _ in Objects._fields[1:]))
+    around(
+        truth.handle, truth.x_m, truth.y_m, truth.heading_rad, snapshot, centre_x, centre_y, reach_m, found
     )
-    forward, left = vehicle_from_world(
-        of(centre_x),
-        of(centre_y),
-        own_x,
-        own_y,
-        own,
-    )
-    return Objects(
-        handle=handle,
-        forward_m=forward,
-        left_m=left,
-        heading_rad=wrap_angle(of(snapshot.heading_rad) - own),
-        speed_mps=of(snapshot.speed_mps),
-        acceleration_mps2=of(snapshot.acceleration_mps2),
-        length_m=of(snapshot.length_m),
-        width_m=of(snapshot.width_m),
-        height_m=of(snapshot.height_m),
-    )
+    return found
