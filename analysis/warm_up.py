@@ -68,6 +68,7 @@ def _with_helper() -> Iterator[Meet]:
 
         def meet() -> None:
             picture()
+            motion()  # about as long as the helper's lane tracker, together
             assert helper.stdout is not None
             helper.stdout.readline()  # empty at once should the helper have failed: then it is done here
 
@@ -121,6 +122,29 @@ def picture() -> None:
     genetic.search(frames, genetic.init(keys), genetic.search_numbers(genetic.GeneticSearch()))
 
 
+def motion() -> None:
+    """Compile observer, prediction and lane-departure warning, as in the default settings."""
+    from camera_synth.camera import Camera
+    from plugin.lane.estimate import LaneEstimate
+    from plugin.motion import observer, prediction
+    from plugin.motion.estimate import OwnReadings
+    from plugin.warning import departure
+    from plugin.warning.tlc import time_to_lane_crossing
+    from sumo_net.vehicle import Vehicle
+
+    vehicle, still, no = Vehicle(), np.zeros(1), np.zeros(1, np.bool_)
+    schedule = observer.schedule(vehicle, Camera().preview_m, observer.ObserverSettings())
+    lane = LaneEstimate(no, *(still,) * 8, no, no, np.zeros(1, np.int8))
+    _, known = observer.step(observer.init(1, schedule), schedule, lane, still, OwnReadings(still, still))
+    predictor = prediction.predictor(vehicle, prediction.PredictionSettings())
+    prediction.constant_velocity(known, still, predictor)
+    prediction.constant_radius(known, still, predictor)
+    path = prediction.predict(known, still, predictor)
+    crossing = time_to_lane_crossing(known, path, vehicle, still)
+    numbers = departure.numbers(departure.DepartureSettings())
+    departure.step(departure.init(1), crossing, known, still, np.zeros(1, np.int8), numbers)
+
+
 def radar() -> None:
     """Compile radar and tracker, as in the default settings."""
     from plugin.tracking.detections import Detections, at_rest
@@ -145,7 +169,7 @@ def radar() -> None:
         state, _ = tracker.step(state, seen, at_rest(1), 0.1)
 
 
-PARTS = {"lane": lane, "picture": picture, "radar": radar}
+PARTS = {"lane": lane, "picture": picture, "motion": motion, "radar": radar}
 
 
 def main(names: list[str]) -> None:

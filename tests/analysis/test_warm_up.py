@@ -1,5 +1,6 @@
 """The parts that are compiled ahead are those that a run calls: not one more variant of a kernel follows."""
 
+import functools
 from types import SimpleNamespace
 
 import numba
@@ -8,12 +9,22 @@ from analysis import warm_up
 from analysis.simulate import simulate
 from camera_synth import render_kernels
 from plugin.lane import genetic_kernels, refine_kernels
+from plugin.motion import filter_kernels, prediction_kernels
 from plugin.tracking import association_kernels, imm_kernels, polar_kernels
+from plugin.warning import departure_kernels, tlc_kernels
 from radar_synth import degrade_kernels, visibility_kernels
 
 KERNELS = {
     "lane": [refine_kernels.step_kernel, refine_kernels.columns_kernel, refine_kernels.parabola_kernel],
     "picture": [render_kernels.render_fleet, genetic_kernels.search_kernel],
+    "motion": [
+        filter_kernels.step,
+        prediction_kernels.single_track,
+        prediction_kernels.constant_velocity,
+        prediction_kernels.constant_radius,
+        tlc_kernels.crossing,
+        departure_kernels.step,
+    ],
     "radar": [
         visibility_kernels.gather,
         visibility_kernels.look,
@@ -57,10 +68,11 @@ def test_what_a_failed_helper_leaves_is_done_without_it(monkeypatch):
     monkeypatch.setattr(warm_up, "compiled", lambda: False)
     monkeypatch.setattr(warm_up.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(warm_up.sys, "executable", "false")
-    monkeypatch.setattr(warm_up, "picture", lambda: done.append("picture"))
+    for part in ("picture", "motion"):
+        monkeypatch.setattr(warm_up, part, functools.partial(done.append, part))
     with warm_up.compiling() as meet:
         meet()
-    assert done == ["picture"]
+    assert done == ["picture", "motion"]
 
 
 def test_without_a_cache_no_helper_starts(monkeypatch):
