@@ -120,7 +120,7 @@ class Vision:
         chunks = self._threads * -(-n // (CHUNK * self._threads))  # as many for every thread
         size = max(-(-n // chunks), LEAST_CHUNK)
         if size >= n:
-            return self._chunk((state, scene, speed_mps))
+            return self._chunk((state, scene, speed_mps, yaw_rate_rps))
         slices = [slice(k, min(k + size, n)) for k in range(0, n, size)]
         work = [
             (select(state, part), select(scene, part), speed_mps[part], yaw_rate_rps[part]) for part in slices

@@ -4,7 +4,7 @@ Kernels take arrays over the fleet, as plain arrays or as NamedTuples of arrays,
 vehicles inside. Threads, where they help, each get a slice of the fleet.
 
 The cache is beside the code, or, where that cannot be written, in the user's own cache folder. It is never a
-reason to fail: what is broken in it is compiled anew.
+reason to fail: what is broken in it is compiled anew, and so is what calls a kernel that has changed.
 
 A kernel that another one calls is compiled into it, so there it is compiled without a way in from Python and
 is not kept on disk by itself, which a fifth of the time to compile went into.
@@ -18,7 +18,9 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+from sumo_net.kernel_sources import parts
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -68,6 +70,18 @@ class _Cache(FunctionCache):
     def begun(self) -> bool:
         """Whether it holds anything."""
         return os.path.exists(self._cache_file._index_path)
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        del self._cache_file  # it would be made before all that the function calls is defined
+
+    @functools.cached_property
+    def _cache_file(self) -> Any:  # type: ignore[override]
+        return IndexDataCacheFile(
+            self._cache_path,
+            self._impl.filename_base,
+            (self._impl.locator.get_source_stamp(), parts(self._py_func)),
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:

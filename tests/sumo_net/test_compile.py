@@ -110,3 +110,75 @@ def test_a_kernel_within_another_is_not_kept_by_itself(tmp_path: Path) -> None:
     (tmp_path / "calling.py").write_text(CALLING)
     with ForkServer(("sumo_net.compile",)) as server:
         assert server.result(call_within, tmp_path) == (7.5, ["calling.both"], 6.0, 1, 2)
+
+
+INNER = """from typing import NamedTuple
+from sumo_net.compile import kernel
+
+class Given(NamedTuple):
+    one: float
+    other: float
+
+@kernel
+def innermost(x):
+    return 2.0 * x
+"""
+MIDDLE = """from sumo_net.compile import kernel
+from inner import innermost
+
+MORE = 1.0
+
+@kernel
+def between(x):
+    return innermost(x) + MORE
+"""
+OUTER = """from sumo_net.compile import kernel
+from inner import Given
+from middle import MORE, between
+
+@kernel
+def outer(x):
+    given = Given(between(x), MORE)
+    return 100.0 * given[0] + given[1]
+
+@kernel
+def beside(x):
+    return -x
+"""
+
+
+def call_outer(folder: Path) -> tuple[float, int, int]:
+    """In a process of its own: what `outer` gives, how often the cache had it, and `beside`."""
+    sys.path.insert(0, str(folder))
+    sys.dont_write_bytecode = True  # edits within a second, of the same length, are seen
+    import outer  # type: ignore[import-not-found]
+
+    given = outer.outer(3.0)
+    outer.beside(3.0)
+    return given, *(sum(one.stats.cache_hits.values()) for one in (outer.outer, outer.beside))
+
+
+def test_what_a_changed_kernel_is_in_is_compiled_anew(tmp_path: Path) -> None:
+    texts = {"inner": INNER, "middle": MIDDLE, "outer": OUTER}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    with ForkServer(("sumo_net.compile",)) as server:
+        assert server.result(call_outer, tmp_path) == (701.0, 0, 0)
+        assert server.result(call_outer, tmp_path) == (701.0, 1, 1)
+        (tmp_path / "inner.py").write_text(INNER.replace("2.0 * x", "30.0 * x"))
+        assert server.result(call_outer, tmp_path) == (9101.0, 0, 1)
+        assert server.result(call_outer, tmp_path) == (9101.0, 1, 1)
+        (tmp_path / "middle.py").write_text(MIDDLE.replace("1.0", "2.0"))
+        assert server.result(call_outer, tmp_path) == (9202.0, 0, 1)
+        (tmp_path / "inner.py").write_text(INNER.replace("one: float", "last: float"))
+        assert server.result(call_outer, tmp_path) == (802.0, 0, 1)
+
+
+def test_a_constant_is_part_of_a_kernel_and_what_is_beside_it_is_not(tmp_path: Path) -> None:
+    from sumo_net.kernel_sources import parts
+
+    here = {"np": np, "WIDTH": 3, "OTHER": 4}
+    exec("def wide(x):\n    return np.sqrt(x) * WIDTH", here)
+    names = {part[1] for part in parts(here["wide"]) if len(part) == 3}  # type: ignore[arg-type]
+    assert "WIDTH" in names
+    assert "OTHER" not in names
