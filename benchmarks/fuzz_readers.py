@@ -42,7 +42,7 @@ class Outcome(NamedTuple):
 def attempt(reader: Reader, content: bytes, folder: Path) -> Outcome:
     """Read `content` as a file in `folder`."""
     file = folder / f"input{reader.suffix}"
-    file.write_bytes(content)
+    _write(file, content)
     began = time.process_time()
     try:
         with warnings.catch_warnings():
@@ -57,6 +57,12 @@ def attempt(reader: Reader, content: bytes, folder: Path) -> Outcome:
     if not finding and spent > reader.limit_s:
         finding = f"took {spent:.1f} s"
     return Outcome(finding, taken)
+
+
+def _write(file: Path, content: bytes) -> None:
+    """A new file: some file systems write one that is cut to nothing and filled again to the disk at once."""
+    file.unlink(missing_ok=True)
+    file.write_bytes(content)
 
 
 def _unreadable(message: str) -> str:
@@ -117,7 +123,7 @@ def _comma(file: Path) -> object:
     from analysis.radar_formats import load
 
     for name, part in zip(("radar", "speed", "gyro"), file.read_bytes().split(b"\n---\n"), strict=False):
-        (file.parent / f"{name}.csv").write_bytes(part)
+        _write(file.parent / f"{name}.csv", part)
     return load(file.parent, "comma2k19")
 
 
@@ -140,7 +146,7 @@ def _network(file: Path) -> object:
 def _additional(file: Path) -> object:
     from sumo_net.configuration import without_outputs
 
-    (file.parent / "other.add.xml").write_text("<additional/>")
+    _write(file.parent / "other.add.xml", b"<additional/>")
     made = Path(without_outputs(file, file.parent / "work"))
     if made != file and file.parent / "work" not in made.parents:
         raise AssertionError(f"wrote {made}")
