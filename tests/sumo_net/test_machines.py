@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,12 +25,15 @@ def driven() -> dict[str, list[float]]:
 
 
 def test_after_half_a_minute_the_vehicles_are_where_they_are_here() -> None:
-    command = [
-        sys.executable,
-        "-c",
-        f"import json; from {__name__} import driven; print(json.dumps(driven()))",
-    ]
-    done = subprocess.run(command, env={**os.environ, **PLAIN}, capture_output=True, text=True, check=True)
+    words = "import json; from tests.sumo_net.test_machines import driven; print(json.dumps(driven()))"
+    done = subprocess.run(
+        [sys.executable, "-c", words],
+        env={**os.environ, **PLAIN},
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     here, there = driven(), json.loads(done.stdout)
     assert np.abs(here["offset_m"]).max() > 0.2
     for name, values in here.items():
