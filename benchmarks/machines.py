@@ -25,7 +25,7 @@ PLAIN = {
     "NUMBA_CPU_FEATURES": "",
     "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
     "OPENBLAS_CORETYPE": "Prescott",
-    "OPENCV_CPU_DISABLE": "AVX,AVX2,FMA3,AVX512F,AVX512_SKX",
+    "OPENCV_CPU_DISABLE": "AVX,AVX2,FMA3,AVX512F,AVX512-SKX",
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F",
 }
 _RUN = "import sys; from benchmarks.machines import run; run(*sys.argv[1:])"
