@@ -38,6 +38,12 @@ class PredictionSettings:
     return_bandwidth_rps: float = Field(0.7, gt=0, le=2, description="natural frequency of lane keeping")
     return_damping: float = Field(0.8, gt=0, le=2, description="damping ratio of lane keeping")
     curvature_reach_m: float = Field(80.0, ge=0, description="how far the change of curvature is believed")
+    road_jerk_mps3: float = Field(
+        1.2,
+        gt=0,
+        description="refined: up to which change of curvature at the own speed; from twice that it does "
+        "not count (roads are built for 0.3 to 0.9)",
+    )
 
     @property
     def steps(self) -> int:
@@ -65,6 +71,7 @@ def predictor(vehicle: Vehicle, settings: PredictionSettings) -> Predictor:
         c.return_gain * c.return_bandwidth_rps**2,
         c.return_gain * 2.0 * c.return_damping * c.return_bandwidth_rps,
         c.curvature_reach_m,
+        c.road_jerk_mps3 if c.mode == "refined" else np.inf,
     )
 
 

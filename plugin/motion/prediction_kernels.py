@@ -1,7 +1,7 @@
 """Kernels of the path prediction over the fleet: the single-track model, and the two baselines.
 
 Every path is followed at once in the vehicle frame of now and along the lane of now, whose curvature is
-K + K' s up to `reach` metres ahead and constant beyond.
+K + K' s up to `reach` metres ahead and constant beyond, as far as K' is what roads have.
 """
 
 import math
@@ -32,6 +32,13 @@ class Predictor(NamedTuple):
     stiffness: float  # 1/s², return to the lane centre
     damping: float  # 1/s
     reach: float  # m
+    jerk: float  # m/s³, up to which a change of curvature is believed; inf: always
+
+
+@kernel
+def believed(rate, v, jerk):  # type: ignore[no-untyped-def]
+    """The change of curvature that counts: all up to |K'| v³ = jerk, as on roads, none from twice that."""
+    return rate * min(max(2.0 - abs(rate) * v * v * v / jerk, 0.0), 1.0)
 
 
 @kernel
@@ -101,7 +108,8 @@ def single_track(motion, speed, q, out):  # type: ignore[no-untyped-def]
     """Trajectory by the single-track model from (v, v_y, γ, δ, K) for n vehicles, into `out`."""
     for i in range(speed.size):
         v, v_y, yaw = max(0.0, speed[i]), motion.lateral_speed_mps[i], motion.yaw_rate_rps[i]
-        steer, k, rate = motion.steer_rad[i], motion.curvature_1pm[i], motion.curvature_rate_1pm2[i]
+        steer, k = motion.steer_rad[i], motion.curvature_1pm[i]
+        rate = believed(motion.curvature_rate_1pm2[i], v, q.jerk)
         s, d, psi = 0.0, motion.lateral_offset_m[i], motion.heading_error_rad[i]
         x, y, heading = 0.0, 0.0, 0.0
         e11, e12, e21, e22, g1, g2 = hold(v, q.model, q.step)
@@ -145,7 +153,7 @@ def constant_radius(motion, speed, q, out):  # type: ignore[no-untyped-def]
     """Trajectory with yaw rate and slip of now, for n vehicles, into `out`."""
     for i in range(speed.size):
         v, v_y, yaw = max(0.0, speed[i]), motion.lateral_speed_mps[i], motion.yaw_rate_rps[i]
-        k, rate = motion.curvature_1pm[i], motion.curvature_rate_1pm2[i]
+        k, rate = motion.curvature_1pm[i], believed(motion.curvature_rate_1pm2[i], v, q.jerk)
         s, d, psi = 0.0, motion.lateral_offset_m[i], motion.heading_error_rad[i]
         x, y, heading = 0.0, 0.0, 0.0
         for j in range(q.steps):
@@ -160,7 +168,8 @@ def constant_radius(motion, speed, q, out):  # type: ignore[no-untyped-def]
 def constant_velocity(motion, speed, q, out):  # type: ignore[no-untyped-def]
     """Trajectory along the road with the lateral velocity of now, d + ḋ t, for n vehicles, into `out`."""
     for i in range(speed.size):
-        v, k, rate = max(0.0, speed[i]), motion.curvature_1pm[i], motion.curvature_rate_1pm2[i]
+        v, k = max(0.0, speed[i]), motion.curvature_1pm[i]
+        rate = believed(motion.curvature_rate_1pm2[i], v, q.jerk)
         d, psi = motion.lateral_offset_m[i], motion.heading_error_rad[i]
         drift = v * math.sin(psi) + motion.lateral_speed_mps[i] * math.cos(psi)
         direction = -psi  # of the lane in the vehicle frame, starting at the foot of the vehicle on the lane

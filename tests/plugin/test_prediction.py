@@ -202,3 +202,21 @@ def test_order_and_slices_change_nothing():
     for a, b, c in zip(whole, mixed, part, strict=True):
         np.testing.assert_array_equal(a[order], b)
         np.testing.assert_array_equal(a[1:4], c)
+
+
+def test_a_bend_that_no_road_begins_with_is_not_expected() -> None:
+    """Up to K' v³ = 1.2 m/s³ nothing changes, from 2.4 m/s³ K' counts for nothing; `paper` takes all."""
+    v, believed = 30.0, PredictionSettings()
+    always = PredictionSettings(road_jerk_mps3=1e9)
+    for jerk, same in ((1.19, True), (1.5, False), (2.41, False)):
+        seen = motion(heading=0.01, curvature_rate=jerk / v**3)
+        paths = [predict(seen, speed(v, seen), predictor(HALF, s)) for s in (believed, always)]
+        assert np.allclose(paths[0].lane_offset_m, paths[1].lane_offset_m) == same
+    none = motion(heading=0.01)
+    path = predict(seen, speed(v, seen), predictor(HALF, believed))
+    straight = predict(none, speed(v, none), predictor(HALF, believed))
+    np.testing.assert_allclose(path.lane_offset_m, straight.lane_offset_m, atol=1e-12)
+    paper = PredictionSettings(mode="paper")
+    bent = predict(seen, speed(v, seen), predictor(HALF, paper))
+    plain = predict(none, speed(v, none), predictor(HALF, paper))
+    assert not np.allclose(bent.lane_offset_m, plain.lane_offset_m)
