@@ -13,13 +13,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba.core import event
 
-from sumo_net.compile import kept
+from sumo_net.compile import is_kept, kept
 
 Meet = Callable[[], None]
 Tell = Callable[[int], None]
@@ -83,8 +82,7 @@ def compiled() -> bool:
     from plugin.lane.refine_kernels import step_kernel
 
     kernel: Any = step_kernel  # a Dispatcher
-    folder = kernel.stats.cache_path
-    return folder is None or any(Path(folder).glob("refine_kernels.step_kernel-*.nbi"))
+    return kernel.stats.cache_path is None or is_kept(kernel)
 
 
 def lane() -> None:

@@ -78,7 +78,7 @@ class FirstOnes:
 
 def functions() -> tuple[tuple[Any, str, str], ...]:
     """What the stopwatch is put around: owner, name of the function, stage."""
-    from plugin import assistance, ranging, vision
+    from plugin import assistance, ranging, step_columns, vision
     from plugin.lane import genetic, refine
     from plugin.motion import observer, prediction
     from plugin.own_motion import OwnSensors
@@ -114,7 +114,9 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
         (prediction, "constant_velocity", "baselines"),
         (prediction, "constant_radius", "baselines"),
         (assistance, "true_motion", "baselines"),
-        (assistance.DriverAssistance, "_columns", "tables"),
+        *((step_columns, name, "tables") for name in vars(step_columns) if name.startswith("of_")),
+        (assistance, "margins", "tables"),
+        (assistance, "curvature_ahead", "tables"),
         (Scorer, "add", "tables"),
         (Scorer, "settle", "tables"),
         (Ego, "step", "ego"),

@@ -66,8 +66,8 @@ def main() -> None:
                 _, differing, missing = filecmp.cmpfiles(
                     threads / str(k), processes / str(k), names, shallow=False
                 )
-                if differing or missing:
-                    raise SystemExit(f"run {k}: {differing + missing} are not the same with other threads")
+                if differing or missing or "steps.parquet" not in names:
+                    raise SystemExit(f"run {k}: of {names} {differing + missing} differ with other threads")
                 steps += len(read_table(threads / str(k), "steps"))
             print(f"| {share:g} | {steps} | {one:.1f} | {other:.1f} | {one / other:.2f} |", flush=True)
 

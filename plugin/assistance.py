@@ -9,7 +9,7 @@ import pandas as pd
 
 from camera_synth.pose import Pose
 from ego_synth.sensors import SensorState
-from plugin import capture, rear_end
+from plugin import capture, rear_end, step_columns
 from plugin.capture import Capture, Look, Moment, Watch
 from plugin.configuration import Configuration, configuration_from, versions, write_configuration
 from plugin.ground_truth import curvature_ahead, margins, true_motion
@@ -19,8 +19,8 @@ from plugin.own_motion import OwnSensors
 from plugin.ranging import Ranging, RangingState, bodies_ahead
 from plugin.reaction import Listeners
 from plugin.record import Recorder
-from plugin.truth import HORIZONS_S, STEP_S, Scorer
-from plugin.vision import Scene, Sight, Vision, VisionState
+from plugin.truth import Scorer
+from plugin.vision import Scene, Vision, VisionState
 from plugin.warning import departure
 from plugin.warning.tlc import Crossing, time_to_lane_crossing
 from sumo_net.batch import join, select
@@ -31,7 +31,7 @@ from sumo_net.incidents import IncidentMaker
 from sumo_net.lane_changes import LaneChanges
 from sumo_net.memory import keep_freed_memory
 from sumo_net.network import BuiltNetwork
-from sumo_net.road import RoadAhead, RoadNetwork
+from sumo_net.road import RoadNetwork
 from sumo_net.road_kernels import ahead as road_ahead
 from sumo_net.script_player import ScriptPlayer
 from sumo_net.settings import read_toml
@@ -137,7 +137,6 @@ class DriverAssistance:
         self._steps = 0
         self._seed = seed
         self._begin_s = self._end_s = np.nan
-        self._horizon = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64) - 1
         self._closed = False
         self.latest: Latest | None = None  # None while no equipped vehicle drives
 
@@ -333,10 +332,13 @@ class DriverAssistance:
         self._alerted = self._listeners.of(truth.handle, warning.side != 0)
         braking = self._listeners.of(truth.handle, echo.warning.level > 0)
         self._incidents.look_ahead(braking, configuration.reaction.rear_end_s)
-        columns = self._columns(truth, snapshot, ahead, sight, motion, spans)
-        columns |= self._warning_columns(crossings, floor, warning)
-        columns |= {name: self._points(path) for name, path in paths.items()}
-        columns["true_state"] = self._points(actual_path)
+        left, right = margins(truth, configuration.vehicle.front_axle_m, spans)
+        columns = step_columns.of_time(self._steps, self._traffic.time_s, truth.handle)
+        columns |= step_columns.of_truth(truth, snapshot) | {"margin_left_m": left, "margin_right_m": right}
+        columns["true_curvature_1pm"] = curvature_ahead(ahead, self._preview_m)
+        columns |= step_columns.of_sight(sight) | step_columns.of_motion(motion)
+        columns |= step_columns.of_warning(crossings, floor, warning)
+        columns |= step_columns.of_paths(paths | {"true_state": actual_path})
         columns |= self._rear_end.add(snapshot, truth, echo)
         self._scorer.add(columns)
         now = Moment(
@@ -357,85 +359,6 @@ class DriverAssistance:
         vehicle = self.configuration.vehicle
         return paths, {
             name: time_to_lane_crossing(motion, path, vehicle, spans) for name, path in paths.items()
-        }
-
-    def _points(self, path: Trajectory) -> Array:
-        """(n, 4, 3) of a path at HORIZONS_S."""
-        at = self._horizon
-        points = np.empty((len(path.forward_m), len(at), 3))
-        points[..., 0], points[..., 1] = path.forward_m[:, at], path.left_m[:, at]
-        points[..., 2] = path.heading_rad[:, at]
-        return points
-
-    def _columns(
-        self,
-        truth: EgoTruth,
-        snapshot: Snapshot,
-        ahead: RoadAhead,
-        sight: Sight,
-        motion: MotionEstimate,
-        spans: Array,
-    ) -> dict[str, Any]:
-        n = len(truth.handle)
-        left, right = margins(truth, self.configuration.vehicle.front_axle_m, spans)
-        drift = truth.speed_mps * np.sin(truth.lane_heading_rad)
-        drift += truth.lateral_speed_mps * np.cos(truth.lane_heading_rad)
-        lanes = snapshot.lane[np.searchsorted(snapshot.handle, truth.handle)]
-        lane, borders = sight.lane, sight.borders
-        return {
-            "handle": truth.handle,
-            "step": np.full(n, self._steps),
-            "time_s": np.full(n, self._traffic.time_s),
-            "lane_id": lanes,
-            "speed_mps": truth.speed_mps,
-            "x_m": truth.x_m,
-            "y_m": truth.y_m,
-            "world_heading_rad": truth.heading_rad,
-            "margin_left_m": left,
-            "margin_right_m": right,
-            "drift_mps": drift,
-            "cause": truth.cause.astype(np.int64),
-            "true_lateral_offset_m": truth.lane_offset_m,
-            "true_lane_width_m": truth.lane_width_m,
-            "true_heading_error_rad": truth.lane_heading_rad,
-            "true_curvature_1pm": curvature_ahead(ahead, self._preview_m),
-            "true_curvature_here_1pm": truth.curvature_1pm,
-            "true_lateral_speed_mps": truth.lateral_speed_mps,
-            "true_yaw_rate_rps": truth.yaw_rate_rps,
-            "true_steer_rad": truth.steer_rad,
-            "on_marked_road": truth.on_marked_road,
-            "lane_locked": lane.locked,
-            "left_a": borders.left[:, 0],
-            "left_b": borders.left[:, 1],
-            "left_c": borders.left[:, 2],
-            "right_a": borders.right[:, 0],
-            "right_b": borders.right[:, 1],
-            "right_c": borders.right[:, 2],
-            "lane_score": lane.score,
-            "lateral_offset_m": lane.lateral_offset_m,
-            "heading_error_rad": lane.heading_error_rad,
-            "curvature_1pm": lane.curvature_1pm,
-            "lane_width_m": lane.lane_width_m,
-            "lateral_speed_mps": motion.lateral_speed_mps,
-            "yaw_rate_rps": motion.yaw_rate_rps,
-            "steer_rad": motion.steer_rad,
-            "recognised": sight.recognised,
-            "paper_recognised": sight.beside_recognised,
-        }
-
-    def _warning_columns(
-        self, crossings: dict[str, Crossing], floor: Crossing, warning: departure.DepartureWarning
-    ) -> dict[str, Any]:
-        side = crossings["predicted"].side
-        return {
-            "tlc_s": crossings["predicted"].tlc_s,
-            "tlc_side": np.where(side > 0, 0, np.where(side < 0, 1, -1)),
-            "tlc_constant_velocity_s": crossings["constant_velocity"].tlc_s,
-            "tlc_constant_radius_s": crossings["constant_radius"].tlc_s,
-            "tlc_true_state_s": floor.tlc_s,
-            "ldw_active": warning.side != 0,
-            "ldw_state": warning.code,
-            "warning_side": warning.side.astype(np.int64),
         }
 
 

@@ -1,4 +1,4 @@
-"""The gate over the whole fleet, and the global nearest neighbour."""
+"""The gate over the whole fleet, and what goes with it."""
 
 import math
 
@@ -65,75 +65,6 @@ def _grown(a, room):  # type: ignore[no-untyped-def]
     out = np.empty(room, a.dtype)
     out[: len(a)] = a
     return out
-
-
-@kernel
-def assign(track, detection, distance, tracks, detections, cost_unassigned):  # type: ignore[no-untyped-def]
-    """The detection of each track or -1, (tracks,), at the least total cost; arguments as in `association`.
-
-    Shortest augmenting paths with dual variables (Crouse 2016, On implementing 2D rectangular assignment
-    algorithms, Algorithm 1), track after track, on the pairs alone: a path never leaves the tracks and
-    detections that hang together. Beside the detections each track has a column of its own, "no detection".
-    """
-    edges, columns = len(track), detections + tracks
-    begin = np.zeros(tracks + 1, np.int64)
-    for e in range(edges):
-        begin[track[e] + 1] += 1
-    for t in range(tracks):
-        begin[t + 1] += begin[t]
-    chosen, holder = np.empty(tracks, np.int64), np.empty(columns, np.int64)  # column of a track, and back
-    chosen[:], holder[:] = -1, -1
-    u, v = np.zeros(tracks), np.zeros(columns)  # dual variables
-    shortest, through = np.empty(columns), np.empty(columns, np.int64)
-    shortest[:] = math.inf
-    done = np.zeros(columns, np.bool_)
-    touched, rows = np.empty(columns, np.int64), np.empty(tracks, np.int64)
-    for start in range(tracks):
-        if begin[start] == begin[start + 1]:
-            continue
-        reached, passed, row, lowest, sink = 0, 0, start, 0.0, -1
-        while sink < 0:
-            rows[passed] = row
-            passed += 1
-            for e in range(begin[row], begin[row + 1] + 1):
-                own = e == begin[row + 1]
-                column = detections + row if own else detection[e]
-                if done[column]:
-                    continue
-                reduced = lowest + (cost_unassigned[row] if own else distance[e]) - u[row] - v[column]
-                if reduced < shortest[column]:
-                    if shortest[column] == math.inf:
-                        touched[reached] = column
-                        reached += 1
-                    shortest[column], through[column] = reduced, row
-            nearest = -1
-            for k in range(reached):
-                column = touched[k]
-                if not done[column] and (nearest < 0 or shortest[column] < shortest[nearest]):
-                    nearest = column
-            lowest, done[nearest] = shortest[nearest], True
-            if holder[nearest] < 0:
-                sink = nearest
-            else:
-                row = holder[nearest]
-        u[start] += lowest
-        for k in range(1, passed):
-            u[rows[k]] += lowest - shortest[chosen[rows[k]]]
-        for k in range(reached):
-            column = touched[k]
-            if done[column]:
-                v[column] -= lowest - shortest[column]
-            shortest[column], done[column] = math.inf, False
-        column = sink
-        while True:  # back along the path
-            row = through[column]
-            holder[column], chosen[row], column = row, column, chosen[row]
-            if row == start:
-                break
-    for t in range(tracks):
-        if chosen[t] >= detections:
-            chosen[t] = -1
-    return chosen
 
 
 @kernel

@@ -117,7 +117,7 @@ def _profiles(frame, zones, x, y, lift, first, last, p, rows, profile):  # type:
 
 @kernel
 def _side(profile, rows, expected, reach):  # type: ignore[no-untyped-def]
-    """(column, step) of the upright side nearest to all the strength that profile (zones, width) has.
+    """(column, step) of the upright side that stands out most in profile (zones, width).
 
     It is looked for within `reach` of the expected column. A body's side is upright and so in one column in
     all zones, whatever its tone in each; lines are slanted. The step counts the rows' noise; it is 0 where

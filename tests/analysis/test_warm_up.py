@@ -34,7 +34,6 @@ KERNELS = {
         imm_kernels.expect,
         polar_kernels.estimate,
         association_kernels.gate_pairs,
-        association_kernels.assign,
     ],
 }
 

@@ -8,6 +8,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
+from plugin.tracking import association
 from plugin.tracking.association import assign
 from plugin.tracking.association_kernels import gate_pairs
 
@@ -100,6 +101,18 @@ def test_equals_scipys_sparse_matching_of_a_whole_crowd() -> None:
     _, best = min_weight_full_bipartite_matching(weights)
     assert np.unique(track, return_counts=True)[1].max() > 3
     np.testing.assert_array_equal(chosen, np.where(best < len(z), best, -1))
+
+
+@pytest.mark.parametrize("call", [1, 3, 1000])
+def test_the_cuts_of_the_problem_change_nothing(monkeypatch: pytest.MonkeyPatch, call: int) -> None:
+    rng, vehicles = np.random.default_rng(7), 40
+    found = pairs(*fleet(rng, vehicles, 6.0))
+    tracks, detections = found[0].max() + 1, found[1].max() + 1
+    cost = np.full(tracks, GATE)
+    whole = association.assign(*found, tracks, detections, cost)
+    assert len(np.unique(found[0])) > 50
+    monkeypatch.setattr(association, "_TRACKS_A_CALL", call)
+    np.testing.assert_array_equal(association.assign(*found, tracks, detections, cost), whole)
 
 
 def test_nothing_to_assign() -> None:
