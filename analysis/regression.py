@@ -1,5 +1,6 @@
 """A scenario with expectations: run its seeds, compare figures with bounds and golden values."""
 
+import atexit
 import difflib
 import json
 import tempfile
@@ -21,6 +22,7 @@ TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts
 
 
 _processes = ForkServer()  # what it has loaded serves all files of a session
+atexit.register(_processes.close)
 
 
 class ExpectationError(AssertionError):

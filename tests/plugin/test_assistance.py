@@ -1,5 +1,6 @@
 """The whole chain in a real SUMO run, each in a process of its own: one simulation a process."""
 
+import atexit
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from plugin.record import read_table
 from plugin.schema import TABLES
 
 _processes = ForkServer()
+atexit.register(_processes.close)
 
 
 def in_process(function: Any, *arguments: Any) -> Any:
