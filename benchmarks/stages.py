@@ -78,7 +78,7 @@ class FirstOnes:
 
 def functions() -> tuple[tuple[Any, str, str], ...]:
     """What the stopwatch is put around: owner, name of the function, stage."""
-    from plugin import assistance, ranging, step_columns, vision
+    from plugin import chain, ranging, step_columns, vision
     from plugin.lane import genetic, refine
     from plugin.motion import observer, prediction
     from plugin.own_motion import OwnSensors
@@ -92,13 +92,13 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
     from sumo_net.traffic import Traffic
 
     return (
-        (assistance, "road_ahead", "road ahead"),
-        (assistance, "objects_around", "road ahead"),
+        (chain, "road_ahead", "road ahead"),
+        (chain, "objects_around", "road ahead"),
         (vision.Vision, "draw", "render"),
         (vision.Vision, "step", "detect"),  # what is not in a stage of its own: slicing and joining
         (vision.Vision, "_judge", "judge"),
         (vision.Vision, "told", "detect"),
-        (assistance, "bodies_ahead", "detect"),
+        (chain, "bodies_ahead", "detect"),
         (genetic, "search", "search"),
         (refine, "step", "detect"),
         (refine, "border_columns", "judge"),
@@ -113,10 +113,10 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
         (RearEndScorer, "settle", "tables"),
         (prediction, "constant_velocity", "baselines"),
         (prediction, "constant_radius", "baselines"),
-        (assistance, "true_motion", "baselines"),
+        (chain, "true_motion", "baselines"),
         *((step_columns, name, "tables") for name in vars(step_columns) if name.startswith("of_")),
-        (assistance, "margins", "tables"),
-        (assistance, "curvature_ahead", "tables"),
+        (chain, "margins", "tables"),
+        (chain, "curvature_ahead", "tables"),
         (Scorer, "add", "tables"),
         (Scorer, "settle", "tables"),
         (Ego, "step", "ego"),
@@ -131,7 +131,7 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
 
 def watch(clock: Stopwatch) -> None:
     """Put the stopwatch around the stages of the assistance."""
-    from plugin import assistance
+    from plugin import chain
     from plugin.motion import observer, prediction
 
     for owner, attribute, name in functions():
@@ -155,7 +155,7 @@ def watch(clock: Stopwatch) -> None:
 
     observer.step, prediction.predict = observed, predicted  # type: ignore[assignment]
     clock.time(
-        assistance,
+        chain,
         "time_to_lane_crossing",
         lambda motion, path, *_: "warn" if path is seen[1] else "baselines",
     )
@@ -220,8 +220,8 @@ def search_by_frame(repeats: int = 5) -> dict[str, float]:
 
     taken: list[Any] = []
     with assistance(16, "refined", threads=1) as (traffic, adas):
-        look = adas._vision._look
-        adas._vision._look = lambda frames, *rest: (taken.append(frames.copy()), look(frames, *rest))[1]
+        look = adas._chain.vision._look
+        adas._chain.vision._look = lambda frames, *rest: (taken.append(frames.copy()), look(frames, *rest))[1]
         for _ in range(10):
             traffic.step()
             adas.step()

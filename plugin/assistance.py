@@ -1,4 +1,4 @@
-"""The 0.1 s step of every equipped vehicle: sense -> estimate -> predict -> warn -> record."""
+"""The assistance of a running simulation: SUMO -> truth -> the fleet's chains -> tables, each 0.1 s."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -7,22 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from camera_synth.pose import Pose
-from ego_synth.sensors import SensorState
 from plugin import capture, rear_end, step_columns
-from plugin.capture import Capture, Look, Moment, Watch
+from plugin.capture import Capture, Look, Watch
+from plugin.chain import Chain, Moment
 from plugin.configuration import Configuration, configuration_from, versions, write_configuration
-from plugin.ground_truth import curvature_ahead, margins, true_motion
-from plugin.motion import observer, prediction
-from plugin.motion.estimate import MotionEstimate, Trajectory
-from plugin.own_motion import OwnSensors
-from plugin.ranging import Ranging, RangingState, bodies_ahead
+from plugin.fleet import Fleet
 from plugin.reaction import Listeners
 from plugin.record import Recorder
 from plugin.truth import Scorer
-from plugin.vision import Scene, Vision, VisionState
 from plugin.warning import departure
-from plugin.warning.tlc import Crossing, time_to_lane_crossing
 from sumo_net.batch import join, select
 from sumo_net.bend_speed import BendSpeed
 from sumo_net.ego import Ego, EgoTruth
@@ -32,11 +25,9 @@ from sumo_net.lane_changes import LaneChanges
 from sumo_net.memory import keep_freed_memory
 from sumo_net.network import BuiltNetwork
 from sumo_net.road import RoadNetwork
-from sumo_net.road_kernels import ahead as road_ahead
 from sumo_net.script_player import ScriptPlayer
 from sumo_net.settings import read_toml
 from sumo_net.snapshot import Snapshot
-from sumo_net.surroundings import objects_around
 from sumo_net.traffic import Traffic
 
 Array = np.ndarray[Any, Any]
@@ -44,25 +35,15 @@ Array = np.ndarray[Any, Any]
 SETTLE_EVERY_STEPS = 100  # rows are written every 10 s of simulated time
 
 
-class FleetState(NamedTuple):
-    """What the assistance of n vehicles carries from step to step."""
-
-    handle: Array  # (n,) int64
-    own: SensorState
-    vision: VisionState
-    observer: observer.State
-    departure: departure.DepartureState
-    ranging: RangingState
-
-
 class Latest(NamedTuple):
     """The last step of n vehicles, for who watches."""
 
+    time_s: float
     handle: Array  # (n,) int64
     departure_code: Array  # (n,) int8, index into plugin.warning.departure.CODES
     collision_code: Array  # (n,) int8, index into plugin.warning.collision.CODES
-    moment: Moment
     columns: dict[str, Any]  # those of the table `steps` that are known by then, text as codes
+    moments: list[Moment]  # of the parts of the fleet
 
 
 class DriverAssistance:
@@ -110,24 +91,17 @@ class DriverAssistance:
         self._choice = EquipmentChoice(configuration.equipment, seed)
         self._equipped = np.zeros(256, np.bool_)  # by handle
         self._last_handle = -1
-        self._own = OwnSensors(configuration, seed)
-        self._vision = Vision(configuration, seed, threads, compare_paper)
-        self._preview_m = configuration.camera.preview_m
-        self._observing = observer.schedule(configuration.vehicle, self._preview_m, configuration.observing)
-        self._predicting = prediction.predictor(configuration.vehicle, configuration.predicting)
-        self._warning = departure.numbers(configuration.departure)
-        self._ranging = Ranging(configuration, seed, self._roads)
-        self._tracked = self._ranging.no_tracks()
-        self._state = self._fresh(np.zeros(0, np.int64))
+        self._chain = Chain(configuration, seed, self._roads, compare_paper)
+        self._names: dict[int, str] = {}  # of the equipped, those that left lately among them
+        self._fleet = Fleet(self._chain, self._names.__getitem__, threads)
         self.recorder = Recorder(run_id, out, formats)
         if out is not None:
             capture.clear(out / capture.FRAMES)
             write_configuration(out, configuration, run_id, scenario, compare_paper)
         self._capture = (
-            None if self._watch is None else Capture(self._watch, self._vision, configuration, run_id)
+            None if self._watch is None else Capture(self._watch, self._chain.vision, configuration, run_id)
         )
         self._rear_end = rear_end.RearEndScorer(self.recorder, traffic, self._roads, configuration)
-        self._names: dict[int, str] = {}  # of the equipped, those that left lately among them
         self._vehicles = 0  # equipped so far
         self._listeners = Listeners(configuration.reaction, seed, traffic.vehicle_id)
         self._alerted = np.zeros(0, np.int64)  # handles of those who hear a lane-departure warning and listen
@@ -180,7 +154,7 @@ class DriverAssistance:
     @property
     def vehicles(self) -> list[str]:
         """Ids of the equipped vehicles that are on the road now."""
-        return [self._names[int(handle)] for handle in self._state.handle]
+        return [self._names[handle] for handle in self._fleet.handle.tolist()]
 
     @property
     def tables(self) -> "Tables":
@@ -205,7 +179,7 @@ class DriverAssistance:
             if self._capture is not None and self._watch is not None and self._watch.alone:
                 seen = self._capture.watched(truth.handle)
                 truth, spans = select(truth, seen), spans[seen]
-        self._follow_fleet(truth.handle)
+        self._fleet.follow(truth.handle)
         self.latest = None
         if len(truth.handle):
             self._drive(sensed, truth, spans)
@@ -223,13 +197,15 @@ class DriverAssistance:
 
         None for one that is not equipped, or not on the road.
         """
-        if self.latest is None or handle not in self.latest.handle:
+        latest = self.latest
+        if latest is None or handle not in latest.handle:
             return None
-        row = int(np.searchsorted(self.latest.handle, handle))
-        seen = select(capture.look(self._vision, self.latest.moment, np.array([row])), 0)
+        moment = next(one for one in latest.moments if handle in one.handle)
+        row = int(np.searchsorted(moment.handle, handle))
+        seen = select(capture.look(self._chain.vision, moment, np.array([row])), 0)
         tracks = self._rear_end.track_rows(self._rear_end.latest_of(handle))
-        tracks["time_s"] = np.full(len(tracks["track_id"]), self.latest.moment.time_s)
-        return seen, self._scorer.now(self.latest.columns, row), tracks
+        tracks["time_s"] = np.full(len(tracks["track_id"]), latest.time_s)
+        return seen, self._scorer.now(latest.columns, int(np.searchsorted(latest.handle, handle))), tracks
 
     def close(self) -> None:
         """Score and write what is left; safe to call twice. The simulation goes on."""
@@ -242,7 +218,7 @@ class DriverAssistance:
             finally:
                 if self._capture is not None:
                     self._capture.close()
-                self._vision.close()
+                self._fleet.close()
                 self.recorder.close()
 
     def _run_row(self) -> dict[str, list[Any]]:
@@ -278,88 +254,22 @@ class DriverAssistance:
                 self._capture.arrived(names)
         return np.asarray(self._equipped[snapshot.handle])
 
-    def _fresh(self, handle: Array) -> FleetState:
-        n = len(handle)
-        names = [self._names[int(h)] for h in handle] if n else []
-        return FleetState(
-            handle,
-            self._own.init(names),
-            self._vision.init(names),
-            observer.init(n, self._observing),
-            departure.init(n),
-            self._ranging.init(names),
-        )
-
-    def _follow_fleet(self, handle: Array) -> None:
-        have = self._state.handle
-        if np.array_equal(have, handle):
-            return
-        kept = np.isin(have, handle, assume_unique=True)
-        arrived = handle[~np.isin(handle, have, assume_unique=True)]
-        merged = join(select(self._state, kept), self._fresh(arrived))
-        self._state = select(merged, np.argsort(merged.handle))
-        before = {one: row for row, one in enumerate(have.tolist())}
-        rows = np.array([before.get(one, -1) for one in handle.tolist()], np.int64)
-        self._tracked = self._ranging.reindex(self._tracked, rows)
-
-    def _drive(self, snapshot: Snapshot, truth: EgoTruth, spans: Array) -> None:
-        configuration, state = self.configuration, self._state
-        ahead = road_ahead(
-            self._roads.table, truth.path, truth.station_m, truth.path_offset_m, truth.path_heading_rad
-        )
-        pose = Pose(truth.x_m, truth.y_m, truth.heading_rad)
-        objects = objects_around(truth, snapshot)
-        scene = Scene(ahead, objects, pose, truth.lanes_left, truth.lane_offset_m, truth.lane_width_m)
-        sensors, own = self._own.step(state.own, truth)
-        speed = own.readings.speed_mps
-        vision, sight = self._vision.step(state.vision, scene, speed, self._own.turning(own, state.observer))
-        observing, motion = observer.step(state.observer, self._observing, sight.lane, speed, own.observed)
-        paths, crossings = self._foresee(motion, speed, spans)
-        actual = true_motion(truth, ahead, self._preview_m)
-        actual_path = prediction.predict(actual, truth.speed_mps, self._predicting)
-        floor = time_to_lane_crossing(actual, actual_path, configuration.vehicle, spans)
-        warning_state, warning = departure.step(
-            state.departure, crossings["predicted"], motion, speed, truth.signal, self._warning
-        )
-        readings = self._own.for_radar(own, observing, motion)
-        ranging, self._tracked, echo = self._ranging.step(
-            state.ranging, self._tracked, truth, snapshot, motion, readings, sight.rear
-        )
-        unseen_s = self._tracked.tracker.tracks.unseen_s
-        bodies = bodies_ahead(echo.tracks, unseen_s, speed, readings.yaw_rate_rps)
-        vision = self._vision.told(vision, bodies, echo.watched)
-        self._state = FleetState(truth.handle, sensors, vision, observing, warning_state, ranging)
-        self._alerted = self._listeners.of(truth.handle, warning.side != 0)
-        braking = self._listeners.of(truth.handle, echo.warning.level > 0)
-        self._incidents.look_ahead(braking, configuration.reaction.rear_end_s)
-        left, right = margins(truth, configuration.vehicle.front_axle_m, spans)
-        columns = step_columns.of_time(self._steps, self._traffic.time_s, truth.handle)
-        columns |= step_columns.of_truth(truth, snapshot) | {"margin_left_m": left, "margin_right_m": right}
-        columns["true_curvature_1pm"] = curvature_ahead(ahead, self._preview_m)
-        columns |= step_columns.of_sight(sight) | step_columns.of_motion(motion)
-        columns |= step_columns.of_warning(crossings, floor, warning)
-        columns |= step_columns.of_paths(paths | {"true_state": actual_path})
-        columns |= self._rear_end.add(snapshot, truth, echo)
+    def _drive(self, snapshot: Snapshot, truth: EgoTruth, half_span_m: Array) -> None:
+        time_s, outcomes = self._traffic.time_s, self._fleet.step(truth, half_span_m, snapshot)
+        departing = join(*(one.warning for one in outcomes))
+        closing = join(*(one.echo.warning for one in outcomes))
+        self._alerted = self._listeners.of(truth.handle, departing.side != 0)
+        braking = self._listeners.of(truth.handle, closing.level > 0)
+        self._incidents.look_ahead(braking, self.configuration.reaction.rear_end_s)
+        columns = step_columns.of_time(self._steps, time_s, truth.handle)
+        columns |= step_columns.join(*(one.columns for one in outcomes))
+        columns |= self._rear_end.add(snapshot, truth, [(one.truth, one.echo) for one in outcomes])
         self._scorer.add(columns)
-        now = Moment(
-            self._traffic.time_s, truth.handle, state.vision, scene, sight, vision, paths["predicted"]
-        )
-        self.latest = Latest(truth.handle, warning.code, echo.warning.code, now, columns)
+        moments = [one.moment for one in outcomes]
+        self.latest = Latest(time_s, truth.handle, departing.code, closing.code, columns, moments)
         if self._capture is not None:
-            self._capture.add(now, self._rear_end)
-
-    def _foresee(
-        self, motion: MotionEstimate, speed: Array, spans: Array
-    ) -> tuple[dict[str, Trajectory], dict[str, Crossing]]:
-        paths = {
-            "predicted": prediction.predict(motion, speed, self._predicting),
-            "constant_velocity": prediction.constant_velocity(motion, speed, self._predicting),
-            "constant_radius": prediction.constant_radius(motion, speed, self._predicting),
-        }
-        vehicle = self.configuration.vehicle
-        return paths, {
-            name: time_to_lane_crossing(motion, path, vehicle, spans) for name, path in paths.items()
-        }
+            for moment in moments:
+                self._capture.add(time_s, moment, self._rear_end)
 
 
 def _watch(watch: Watch | None, count: int, out: Path | None) -> Watch | None:

@@ -17,12 +17,12 @@ import cv2
 import numpy as np
 
 from camera_synth.render import new_frames
+from plugin.chain import Moment
 from plugin.configuration import Configuration
-from plugin.motion.estimate import Trajectory
 from plugin.rear_end import RearEndScorer
 from plugin.record import Recorder
 from plugin.schema import TABLES
-from plugin.vision import JUDGED_Y, Scene, Sight, Vision, VisionState
+from plugin.vision import JUDGED_Y, Vision
 from sumo_net.batch import select
 from sumo_net.road_table import RoadAhead
 
@@ -41,18 +41,6 @@ class Watch:
     ids: frozenset[str] = frozenset()
     count: int = 0
     alone: bool = False  # the other equipped vehicles drive, but sense nothing: where no driver reacts to it
-
-
-class Moment(NamedTuple):
-    """One step of n vehicles, before their rows are made."""
-
-    time_s: float
-    handle: Array  # (n,)
-    vision: VisionState  # with which the frames of this step were drawn
-    scene: Scene
-    sight: Sight
-    after: VisionState
-    path: Trajectory  # predicted
 
 
 class Look(NamedTuple):
@@ -108,7 +96,7 @@ class Capture:
         """(n,) bool: whose frames are kept."""
         return np.isin(handle, np.fromiter(self._watched, np.int64, len(self._watched)))
 
-    def add(self, now: Moment, rear_end: RearEndScorer) -> None:
+    def add(self, time_s: float, now: Moment, rear_end: RearEndScorer) -> None:
         """Draw and keep what the watched vehicles among the n see."""
         rows = np.flatnonzero(self.watched(now.handle))
         if not len(rows):
@@ -119,9 +107,9 @@ class Capture:
             film = self._films.get(name)
             if film is None:
                 film = self._films[name] = _Film(self._watch.directory, name, self._run_id, self._about)
-            film.add(now.time_s, select(seen, k))
+            film.add(time_s, select(seen, k))
             tracks = rear_end.latest_of(int(now.handle[row]))
-            times = np.full(len(tracks["track_id"]), now.time_s)
+            times = np.full(len(tracks["track_id"]), time_s)
             film.tracks.append("tracks", rear_end.track_rows(tracks) | {"time_s": times})
 
     def settle(self) -> None:

@@ -20,7 +20,7 @@ from plugin.warning.collision import Collision, CollisionState, CollisionWarning
 from radar_synth.radar import OwnMotion, ScanTruth, Sightings
 from radar_synth.scan import flatten, scan
 from radar_synth.visibility import objects_in_view
-from sumo_net.batch import select
+from sumo_net.batch import join, select
 from sumo_net.ego import EgoTruth
 from sumo_net.randomness import stream_key
 from sumo_net.road import RoadNetwork
@@ -87,15 +87,25 @@ class Ranging:
         n = len(keys)
         return RangingState(np.array(keys, np.uint64), np.zeros(n, np.int64), collision.init(n))
 
-    def no_tracks(self) -> Tracked:
-        """The tracks of an empty fleet."""
-        return Tracked(self._tracker.init(0), self._closing.init())
+    def no_tracks(self, n: int) -> Tracked:
+        """n vehicles without tracks."""
+        return Tracked(self._tracker.init(n), self._closing.init())
 
     def reindex(self, tracked: Tracked, rows: Array) -> Tracked:
         """Tracks for a changed fleet: its vehicle i is the old row rows[i], or a new one where that is -1."""
         return Tracked(
             self._tracker.reindex(tracked.tracker, rows), self._closing.reindex(tracked.leaders, rows)
         )
+
+    def join(self, *tracked: Tracked) -> Tracked:
+        """The tracks of one fleet after those of the other, whose vehicles follow its own."""
+        begin, moved = 0, []
+        for tracker, leaders in tracked:
+            tracks = tracker.tracks._replace(owner=tracker.tracks.owner + begin)
+            leaders = leaders._replace(owner=leaders.owner + begin)
+            moved.append(Tracked(tracker._replace(tracks=tracks), leaders))
+            begin += len(tracker.next_id)
+        return join(*moved)
 
     def step(
         self,

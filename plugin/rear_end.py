@@ -1,16 +1,18 @@
 """Rear-end warnings and radar tracks against truth."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from plugin.configuration import Configuration
-from plugin.conflicts import ConflictBook, LaneOrder, in_view, path_leaders, table_columns
+from plugin.conflicts import ConflictBook, LaneOrder, Leaders, in_view, path_leaders, table_columns
 from plugin.ranging import Echo
 from plugin.record import Recorder
 from plugin.schema import TABLES
 from plugin.track_truth import TrackTruth
 from plugin.warning.collision import BUZZER, CODES
+from sumo_net.batch import join
 from sumo_net.ego import EgoTruth
 from sumo_net.road import RoadNetwork
 from sumo_net.snapshot import Snapshot
@@ -41,17 +43,18 @@ class RearEndScorer:
         self.conflicts = 0
         self.warnings = 0  # of the reminder level
 
-    def add(self, snapshot: Snapshot, truth: EgoTruth, echo: Echo) -> dict[str, Array]:
-        """Take one step of n vehicles; its columns of the table `steps`, with codes for LABELS."""
-        time, warning = self._traffic.time_s, echo.warning
+    def add(
+        self, snapshot: Snapshot, truth: EgoTruth, parts: Sequence[tuple[EgoTruth, Echo]]
+    ) -> dict[str, Array]:
+        """Take one step of n vehicles, echoes in parts; its columns of `steps`, with codes for LABELS."""
+        time, warning = self._traffic.time_s, join(*(echo.warning for _, echo in parts))
         leader = self._order.leaders(snapshot, truth.handle, self._reach_m)
-        by_place = path_leaders(truth, echo.objects, self._roads.table, self._bumper_m, self._overlap_m)
-        # in path and in view: a neighbour that the vehicle turns towards is not yet in its path
-        visible = in_view(echo.objects, echo.seen.share, leader.handle) & (by_place.handle == leader.handle)
+        by_place, visible = self._by_place(parts, leader)
         self._book.add(
             time, truth.handle, leader, by_place, visible, truth.speed_mps, warning.level, warning.ttc_s
         )
-        tracks, shown = self._tracks.step(truth, echo), echo.tracks.confirmed
+        tracks = self._tracks.step(parts)
+        shown = np.concatenate([echo.tracks.confirmed for _, echo in parts])
         self._latest = tracks, shown
         if self._recording.tracks:
             if self._scans % self._recording.roadside_every:
@@ -76,8 +79,23 @@ class RearEndScorer:
             "true_gap_m": leader.gap_m,
             "true_ttc_s": leader.ttc_s,
             "true_leader_visible": visible,
-            "fcw_track_ttc_s": echo.track_ttc_s,
+            "fcw_track_ttc_s": np.concatenate([echo.track_ttc_s for _, echo in parts]),
         }
+
+    def _by_place(self, parts: Sequence[tuple[EgoTruth, Echo]], leader: Leaders) -> tuple[Leaders, Array]:
+        """The leaders by where they are, and whether SUMO has the same and the radar could see them.
+
+        A neighbour that the vehicle turns towards is not yet in its path.
+        """
+        table, found, seen = self._roads.table, [], []
+        begin = 0
+        for truth, echo in parts:
+            target = leader.handle[begin : begin + len(truth.handle)]
+            begin += len(target)
+            found.append(path_leaders(truth, echo.objects, table, self._bumper_m, self._overlap_m))
+            seen.append(in_view(echo.objects, echo.seen.share, target))
+        by_place = join(*found)
+        return by_place, np.concatenate(seen) & (by_place.handle == leader.handle)
 
     def latest_of(self, handle: int) -> dict[str, Array]:
         """All confirmed tracks of a vehicle after the last step, also those that are not recorded."""

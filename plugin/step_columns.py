@@ -18,6 +18,13 @@ Columns = dict[str, Any]
 _HORIZON = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64) - 1  # into a Trajectory's points
 
 
+def join(*parts: Columns) -> Columns:
+    """Those of one part of the fleet after those of the other."""
+    if len(parts) == 1:
+        return parts[0]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
 def of_time(step: int, time_s: float, handle: Array) -> Columns:
     """Whose rows these are, and of when."""
     n = len(handle)
@@ -77,15 +84,15 @@ def of_motion(motion: MotionEstimate) -> Columns:
     }
 
 
-def of_warning(crossings: dict[str, Crossing], floor: Crossing, warning: DepartureWarning) -> Columns:
-    """Times to lane crossing, by prediction, baselines and from the true state (`floor`), and the warning."""
+def of_warning(crossings: dict[str, Crossing], warning: DepartureWarning) -> Columns:
+    """Times to lane crossing, by prediction, baselines and from the true state, and the warning."""
     side = crossings["predicted"].side
     return {
         "tlc_s": crossings["predicted"].tlc_s,
         "tlc_side": np.select([side > 0, side < 0], [0, 1], -1),
         "tlc_constant_velocity_s": crossings["constant_velocity"].tlc_s,
         "tlc_constant_radius_s": crossings["constant_radius"].tlc_s,
-        "tlc_true_state_s": floor.tlc_s,
+        "tlc_true_state_s": crossings["true_state"].tlc_s,
         "ldw_active": warning.side != 0,
         "ldw_state": warning.code,
         "warning_side": warning.side.astype(np.int64),

@@ -1,16 +1,18 @@
 """What truly is behind each radar track: the rows of the table `tracks`. Scoring, not for the driver."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
+from plugin import step_columns
 from plugin.ranging import Echo
 from plugin.track_truth_kernels import NOTHING, follow
 from plugin.tracking import classification
 from plugin.tracking.classification import ClassSettings
 from plugin.truth import labelled
+from sumo_net import batch
 from sumo_net.ego import EgoTruth
 
 Array = np.ndarray[Any, Any]
@@ -36,20 +38,25 @@ class TrackTruth:
         self._options, self._name = options, name
         self._before = Followed(*(np.zeros(0, np.int64),) * 2, true_class=np.zeros(0, np.int8))
 
-    def step(self, truth: EgoTruth, echo: Echo) -> dict[str, Array]:
+    def step(self, parts: Sequence[tuple[EgoTruth, Echo]]) -> dict[str, Array]:
         """All tracks' columns of the table `tracks`, without time; `texts` makes the last ones.
 
-        In place of text there are codes: `handle` of the vehicle, `target` and the classes.
+        The fleet comes in parts, one vehicle's handle after the other. In place of text there are codes:
+        `handle` of the vehicle, `target` and the classes.
         """
+        followed, columns = zip(*(self._follow(truth, echo) for truth, echo in parts), strict=True)
+        self._before = batch.join(*followed)
+        return step_columns.join(*columns)
+
+    def _follow(self, truth: EgoTruth, echo: Echo) -> tuple[Followed, dict[str, Array]]:
         tracks, o = echo.tracks, self._options
         threshold = classification.moving_threshold(o, truth.speed_mps, truth.acceleration_mps2)
         key, target, true_class, shown, floats = follow(
             truth.handle, tracks, echo.place, echo.behind, echo.objects, self._before, threshold,
             o.oncoming_speed_mps, o.near_zero_mps,
         )  # fmt: skip
-        self._before = Followed(key, target, true_class)
         true_range, true_rate, true_azimuth, vx, vy, ttc = floats
-        return tracks.estimate._asdict() | {
+        return Followed(key, target, true_class), tracks.estimate._asdict() | {
             "handle": truth.handle[tracks.owner],
             "target": target,
             "track_id": tracks.track_id,

@@ -1,11 +1,9 @@
 """The camera chain of a fleet: what each vehicle's camera sees, and where it finds the lane.
 
-Frames live only as long as the chunk of vehicles that is worked on; chunks are spread over threads.
+Frames live only as long as the chunk of vehicles that is worked on.
 """
 
-import os
-import queue
-from concurrent.futures import ThreadPoolExecutor
+import threading
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +29,7 @@ from sumo_net.surroundings import Objects
 
 Array = np.ndarray[Any, Any]
 
-LEAST_CHUNK, CHUNK = 8, 64  # vehicles in the hands of a thread: what its calls cost is spread over them
+CHUNK = 64  # vehicles whose frames are in memory at once: what a call costs is spread over them
 JUDGED_Y = 1.0 + ROW_STEP * np.arange(ROWS)
 TOLERANCE_PX, SHARE = 5.0, 0.85
 _LEAST_REACH_M = 10.0
@@ -76,7 +74,7 @@ class Sight(NamedTuple):
 class Vision:
     """The camera chain with its settings; `step` once per 0.1 s."""
 
-    def __init__(self, configuration: Configuration, seed: int, threads: int | None, beside: bool) -> None:
+    def __init__(self, configuration: Configuration, seed: int, beside: bool) -> None:
         self._configuration = configuration
         self._seed = seed
         self._beside = beside
@@ -84,11 +82,7 @@ class Vision:
         self._projection = projection(configuration.camera)
         self._row_m = np.array([self._forward_m(y) for y in JUDGED_Y])
         self._numbers = search_numbers(fitted_to(configuration.search, configuration.camera))
-        self._threads = count = threads or os.cpu_count() or 1
-        self._pool = ThreadPoolExecutor(count) if count > 1 else None
-        self._buffers: queue.SimpleQueue[Array] = queue.SimpleQueue()
-        for _ in range(count):
-            self._buffers.put(new_frames(CHUNK))
+        self._of_thread = threading.local()
 
     def _forward_m(self, y: float) -> float:
         forward, _ = vehicle_from_image(self._projection.center_x, float(y), self._projection)
@@ -117,16 +111,13 @@ class Vision:
     ) -> tuple[VisionState, Sight]:
         """Render and look, for n > 0 vehicles; their own yaw rates, NaN for cameras alone."""
         n = len(speed_mps)
-        chunks = self._threads * -(-n // (CHUNK * self._threads))  # as many for every thread
-        size = max(-(-n // chunks), LEAST_CHUNK)
-        if size >= n:
-            return self._chunk((state, scene, speed_mps, yaw_rate_rps))
-        slices = [slice(k, min(k + size, n)) for k in range(0, n, size)]
-        work = [
-            (select(state, part), select(scene, part), speed_mps[part], yaw_rate_rps[part]) for part in slices
+        if n <= CHUNK:
+            return self._chunk(state, scene, speed_mps, yaw_rate_rps)
+        size = -(-n // -(-n // CHUNK))  # all about as large
+        done = [
+            self._chunk(select(state, part), select(scene, part), speed_mps[part], yaw_rate_rps[part])
+            for part in (slice(k, k + size) for k in range(0, n, size))
         ]
-        run = self._pool.map if self._pool is not None and len(work) > 1 else map
-        done = list(run(self._chunk, work))
         return join(*(after for after, _ in done)), join(*(sight for _, sight in done))
 
     def told(self, state: VisionState, bodies: Bodies, watched: Watched) -> VisionState:
@@ -142,21 +133,20 @@ class Vision:
         near = self._row_m[None, :] <= np.maximum(state.lane.reach_m, _LEAST_REACH_M)[:, None]
         return np.ones_like(near) if self._paper else near
 
-    def close(self) -> None:
-        """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+    def _chunk(
+        self, state: VisionState, scene: Scene, speed_mps: Array, yaw_rate_rps: Array
+    ) -> tuple[VisionState, Sight]:
+        frames = self._frames()[: len(speed_mps)]
+        truth = new_border_columns(len(speed_mps))
+        self.draw(frames, state, scene, PROCESSED_FROM, (_own_slot(scene), truth))
+        return self._look(frames, state, scene, speed_mps, yaw_rate_rps, truth)
 
-    def _chunk(self, work: tuple[VisionState, Scene, Array, Array]) -> tuple[VisionState, Sight]:
-        state, scene, speed_mps, yaw_rate_rps = work
-        buffer = self._buffers.get()
-        try:
-            frames = buffer[: len(speed_mps)]
-            truth = new_border_columns(len(speed_mps))
-            self.draw(frames, state, scene, PROCESSED_FROM, (_own_slot(scene), truth))
-            return self._look(frames, state, scene, speed_mps, yaw_rate_rps, truth)
-        finally:
-            self._buffers.put(buffer)
+    def _frames(self) -> Array:
+        """(CHUNK, 240, 320) that this thread draws into."""
+        if not hasattr(self._of_thread, "frames"):
+            self._of_thread.frames = new_frames(CHUNK)
+        frames: Array = self._of_thread.frames
+        return frames
 
     def draw(
         self,

@@ -16,7 +16,9 @@ def select(batch: B, index: Any) -> B:
 
 
 def join(*batches: B) -> B:
-    """One batch after the other."""
+    """One batch after the other; of one alone, itself."""
+    if len(batches) == 1:
+        return batches[0]
     parts = zip(*batches, strict=True)
     return type(batches[0])(*[join(*p) if isinstance(p[0], tuple) else np.concatenate(p) for p in parts])
 

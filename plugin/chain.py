@@ -1,0 +1,155 @@
+"""What runs in n equipped vehicles each 0.1 s: sense -> estimate -> predict -> warn, and its columns.
+
+A vehicle's chain knows nothing of another's: any part of a fleet can be worked on by itself, with the same
+numbers. The truth is here for the synthesisers, and for the columns that the estimates are judged by.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from camera_synth.pose import Pose
+from ego_synth.sensors import SensorState
+from plugin import step_columns
+from plugin.configuration import Configuration
+from plugin.ground_truth import curvature_ahead, margins, true_motion
+from plugin.motion import observer, prediction
+from plugin.motion.estimate import Trajectory
+from plugin.own_motion import OwnSensors
+from plugin.ranging import Echo, Ranging, RangingState, Tracked, bodies_ahead
+from plugin.vision import Scene, Sight, Vision, VisionState
+from plugin.warning import departure
+from plugin.warning.tlc import time_to_lane_crossing
+from sumo_net.batch import join, select
+from sumo_net.ego import EgoTruth
+from sumo_net.road import RoadNetwork
+from sumo_net.road_kernels import ahead as road_ahead
+from sumo_net.snapshot import Snapshot
+from sumo_net.surroundings import objects_around
+
+Array = np.ndarray[Any, Any]
+
+
+class VehicleState(NamedTuple):
+    """What n vehicles carry from step to step but their tracks, (n, …) each."""
+
+    handle: Array  # int64
+    own: SensorState
+    vision: VisionState
+    observer: observer.State
+    departure: departure.DepartureState
+    ranging: RangingState
+
+
+class ChainState(NamedTuple):
+    """What the assistance of n vehicles carries from step to step."""
+
+    vehicles: VehicleState
+    tracked: Tracked  # as many tracks as there are
+
+
+class Moment(NamedTuple):
+    """One step of n vehicles, before their rows are made."""
+
+    handle: Array  # (n,)
+    vision: VisionState  # with which the frames of this step were drawn
+    scene: Scene
+    sight: Sight
+    after: VisionState
+    path: Trajectory  # predicted
+
+
+class Outcome(NamedTuple):
+    """What came of a step of n vehicles."""
+
+    truth: EgoTruth
+    warning: departure.DepartureWarning
+    echo: Echo
+    columns: step_columns.Columns  # of the table `steps`, without the time and what judges the radar
+    moment: Moment
+
+
+class Chain:
+    """The chain with its settings; `step` once per 0.1 s. Holds no state of vehicles."""
+
+    def __init__(self, configuration: Configuration, seed: int, roads: RoadNetwork, beside: bool) -> None:
+        """`beside`: the published search runs on every frame, too, for comparison."""
+        self._vehicle = configuration.vehicle
+        self._preview_m = configuration.camera.preview_m
+        self._roads = roads
+        self._own = OwnSensors(configuration, seed)
+        self.vision = Vision(configuration, seed, beside)
+        self._observing = observer.schedule(self._vehicle, self._preview_m, configuration.observing)
+        self._predicting = prediction.predictor(self._vehicle, configuration.predicting)
+        self._warning = departure.numbers(configuration.departure)
+        self._ranging = Ranging(configuration, seed, roads)
+
+    def init(self, handle: Array, names: list[str]) -> ChainState:
+        """n vehicles before their first step: their handles (n,) and ids."""
+        n = len(handle)
+        vehicles = VehicleState(
+            handle,
+            self._own.init(names),
+            self.vision.init(names),
+            observer.init(n, self._observing),
+            departure.init(n),
+            self._ranging.init(names),
+        )
+        return ChainState(vehicles, self._ranging.no_tracks(n))
+
+    def select(self, state: ChainState, rows: Array) -> ChainState:
+        """The same for the vehicles in `rows` (k,)."""
+        return ChainState(select(state.vehicles, rows), self._ranging.reindex(state.tracked, rows))
+
+    def join(self, *states: ChainState) -> ChainState:
+        """The vehicles of one after those of the other."""
+        vehicles, tracked = zip(*states, strict=True)
+        return ChainState(join(*vehicles), self._ranging.join(*tracked))
+
+    def step(
+        self, state: ChainState, truth: EgoTruth, half_span_m: Array, snapshot: Snapshot
+    ) -> tuple[ChainState, Outcome]:
+        """One step of n > 0 vehicles in a snapshot of all the traffic; half_span_m (n,) as of Ego."""
+        before = state.vehicles
+        ahead = road_ahead(
+            self._roads.table, truth.path, truth.station_m, truth.path_offset_m, truth.path_heading_rad
+        )
+        pose = Pose(truth.x_m, truth.y_m, truth.heading_rad)
+        objects = objects_around(truth, snapshot)
+        scene = Scene(ahead, objects, pose, truth.lanes_left, truth.lane_offset_m, truth.lane_width_m)
+        sensors, own = self._own.step(before.own, truth)
+        speed = own.readings.speed_mps
+        turning = self._own.turning(own, before.observer)
+        vision, sight = self.vision.step(before.vision, scene, speed, turning)
+        observing, motion = observer.step(before.observer, self._observing, sight.lane, speed, own.observed)
+        actual = true_motion(truth, ahead, self._preview_m)
+        paths = {
+            "predicted": prediction.predict(motion, speed, self._predicting),
+            "constant_velocity": prediction.constant_velocity(motion, speed, self._predicting),
+            "constant_radius": prediction.constant_radius(motion, speed, self._predicting),
+            "true_state": prediction.predict(actual, truth.speed_mps, self._predicting),
+        }
+        crossings = {
+            name: time_to_lane_crossing(
+                actual if name == "true_state" else motion, path, self._vehicle, half_span_m
+            )
+            for name, path in paths.items()
+        }
+        warning_state, warning = departure.step(
+            before.departure, crossings["predicted"], motion, speed, truth.signal, self._warning
+        )
+        readings = self._own.for_radar(own, observing, motion)
+        ranging, tracked, echo = self._ranging.step(
+            before.ranging, state.tracked, truth, snapshot, motion, readings, sight.rear
+        )
+        unseen_s = tracked.tracker.tracks.unseen_s
+        bodies = bodies_ahead(echo.tracks, unseen_s, speed, readings.yaw_rate_rps)
+        vision = self.vision.told(vision, bodies, echo.watched)
+        left, right = margins(truth, self._vehicle.front_axle_m, half_span_m)
+        columns = step_columns.of_truth(truth, snapshot) | {"margin_left_m": left, "margin_right_m": right}
+        columns["true_curvature_1pm"] = curvature_ahead(ahead, self._preview_m)
+        columns |= step_columns.of_sight(sight) | step_columns.of_motion(motion)
+        columns |= step_columns.of_warning(crossings, warning) | step_columns.of_paths(paths)
+        vehicles = VehicleState(truth.handle, sensors, vision, observing, warning_state, ranging)
+        moment = Moment(truth.handle, before.vision, scene, sight, vision, paths["predicted"])
+        return ChainState(vehicles, tracked), Outcome(truth, warning, echo, columns, moment)

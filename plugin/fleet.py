@@ -1,0 +1,64 @@
+"""The chains of the whole equipped fleet: vehicles come and go, and threads share the work."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from plugin.chain import Chain, Outcome
+from sumo_net.batch import select
+from sumo_net.ego import EgoTruth
+from sumo_net.snapshot import Snapshot
+
+Array = np.ndarray[Any, Any]
+
+LEAST_PART = 16  # vehicles in the hands of a thread: what its calls cost is spread over them
+
+
+class Fleet:
+    """The equipped vehicles, in the order of their handles, in as many parts as threads are worth having."""
+
+    def __init__(self, chain: Chain, name: Callable[[int], str], threads: int | None = None) -> None:
+        """`name`: id of a vehicle by handle. `threads`: default one for each processor."""
+        self._chain, self._name = chain, name
+        self._threads = threads or os.cpu_count() or 1
+        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
+        self._parts = [chain.init(np.zeros(0, np.int64), [])]
+
+    @property
+    def handle(self) -> Array:
+        """(n,) of the vehicles in it."""
+        return np.concatenate([part.vehicles.handle for part in self._parts])
+
+    def follow(self, handle: Array) -> None:
+        """From now on it consists of these vehicles, (n,) ascending."""
+        have = self.handle
+        if np.array_equal(have, handle):
+            return
+        new = handle[~np.isin(handle, have, assume_unique=True)]
+        fresh = self._chain.init(new, [self._name(one) for one in new.tolist()])
+        known = np.concatenate([have, new])
+        order = np.argsort(known)
+        rows = order[np.searchsorted(known[order], handle)]
+        whole = self._chain.join(*self._parts, fresh)
+        count = max(1, min(self._threads, len(handle) // LEAST_PART))
+        self._parts = [self._chain.select(whole, part) for part in np.array_split(rows, count)]
+
+    def step(self, truth: EgoTruth, half_span_m: Array, snapshot: Snapshot) -> list[Outcome]:
+        """One step of its n > 0 vehicles: what came of it, part by part."""
+        work, begin = [], 0
+        for state in self._parts:
+            part = slice(begin, begin + len(state.vehicles.handle))
+            work.append((state, select(truth, part), half_span_m[part], snapshot))
+            begin = part.stop
+        run = self._pool.map if self._pool is not None and len(work) > 1 else map
+        done = list(run(lambda one: self._chain.step(*one), work))
+        self._parts = [after for after, _ in done]
+        return [outcome for _, outcome in done]
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
