@@ -153,8 +153,8 @@ def radar() -> None:
     from sumo_net.snapshot import Snapshot
     from sumo_net.surroundings import Objects
 
-    at = Snapshot(np.zeros(1, np.int64), *(np.zeros(1),) * 12)
-    at = at._replace(lane=np.zeros(1, np.int32), signals=np.zeros(1, np.int32))
+    at = Snapshot(np.zeros(1, np.int64), *(np.zeros(1),) * 10)
+    at = at._replace(lane=np.zeros(1, np.int32))
     objects_in_view(Radar(), at, at)
     one = np.zeros((1, 1))
     body = Objects(np.zeros((1, 1), np.int64), *(one + value for value in (30.0, 0, 0, 9, 0, 4, 2, 1.5)))

@@ -1,7 +1,7 @@
 """Two ways to read what changes of all vehicles: values asked one by one, or sent by SUMO with each step.
 
-Each gives a function of the vehicles' names that returns eight lists: position (x, y), angle, speed,
-acceleration, lane, position along it, lateral position, signals; all as SUMO has them.
+Each gives a function of the vehicles' names that returns six lists: position (x, y), angle, speed,
+acceleration, lane, position along it; all as SUMO has them.
 """
 
 from collections.abc import Callable
@@ -10,16 +10,7 @@ from typing import Any
 Read = Callable[[list[str]], list[list[Any]]]
 
 
-_ASKED = (
-    "Position",
-    "Angle",
-    "Speed",
-    "Acceleration",
-    "LaneID",
-    "LanePosition",
-    "LateralLanePosition",
-    "Signals",
-)
+_ASKED = ("Position", "Angle", "Speed", "Acceleration", "LaneID", "LanePosition")
 
 
 def by_getters(vehicle: Any, compiled: Any = None) -> Read:
@@ -47,8 +38,6 @@ def by_subscription(vehicle: Any, tc: Any) -> Read:
         tc.VAR_ACCELERATION,
         tc.VAR_LANE_ID,
         tc.VAR_LANEPOSITION,
-        tc.VAR_LANEPOSITION_LAT,
-        tc.VAR_SIGNALS,
     )
 
     def values(name: str) -> Any:

@@ -11,7 +11,7 @@ class Snapshot(NamedTuple):
     """All N vehicles now, ordered by handle.
 
     A teleporting vehicle is nowhere, so it is not in the snapshot; a parked one has lane -1 and NaN for
-    `lane_position_m` and `lateral_m`.
+    `lane_position_m`.
     """
 
     handle: Array  # (N,) int64, number given to a vehicle at first sight, never reused
@@ -22,8 +22,6 @@ class Snapshot(NamedTuple):
     acceleration_mps2: Array
     lane: Array  # int32 index into Traffic.lane_ids, -1 when on none
     lane_position_m: Array  # front bumper along SUMO's lane
-    lateral_m: Array  # SUMO lateral lane position, left positive
     length_m: Array
     width_m: Array
     height_m: Array
-    signals: Array  # int32 SUMO signal bits

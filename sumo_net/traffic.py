@@ -203,7 +203,7 @@ class Traffic:
             self._forget(numbers.keys() - set(names))
         order = sorted([numbers[name] for name in names])
         known = self._names
-        (position, angle, speed, acceleration, lanes, along, lateral, signals) = self._read_columns(
+        position, angle, speed, acceleration, lanes, along = self._read_columns(
             [known[handle] for handle in order]
         )
         handles = np.array(order, dtype=np.int64)
@@ -221,11 +221,9 @@ class Traffic:
             acceleration_mps2=np.where(acceleration_mps2 > _INVALID, acceleration_mps2, 0.0),
             lane=lane,
             lane_position_m=np.where(on_lane, np.array(along, dtype=np.float64), np.nan),
-            lateral_m=np.where(on_lane, self._side * np.array(lateral, dtype=np.float64), np.nan),
             length_m=bodies[:, 0].copy(),
             width_m=bodies[:, 1].copy(),
             height_m=bodies[:, 2].copy(),
-            signals=np.array(signals, dtype=np.int32),
         )
         somewhere = xy[:, 0] > _INVALID
         if somewhere.all():

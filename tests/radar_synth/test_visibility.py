@@ -238,11 +238,9 @@ def world(count: int, seed: int) -> Snapshot:
         acceleration_mps2=rng.uniform(-5, 3, count),
         lane=np.zeros(count, np.int32),
         lane_position_m=np.zeros(count),
-        lateral_m=np.zeros(count),
         length_m=rng.uniform(3, 18, count),
         width_m=rng.uniform(1.6, 2.6, count),
         height_m=rng.uniform(1.4, 4, count),
-        signals=np.zeros(count, dtype=np.int32),
     )
 
 

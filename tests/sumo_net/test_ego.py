@@ -151,8 +151,8 @@ class MadeUpTraffic:
         n = len(self.handle)
         some = np.zeros(n)
         return Snapshot(
-            self.handle, some, some, some, self.speed.copy(), some, self.lane(), self.position.copy(), some,
-            some + 4.3, some + 1.8, some + 1.5, np.zeros(n, np.int32),
+            self.handle, some, some, some, self.speed.copy(), some, self.lane(), self.position.copy(),
+            some + 4.3, some + 1.8, some + 1.5,
         )  # fmt: skip
 
     def move(self) -> Snapshot:
@@ -348,6 +348,7 @@ def test_in_a_real_run_sumo_has_the_vehicle_where_the_truth_has_it(tmp_path) -> 
     roads = RoadNetwork.from_highway(run.network)
     with Traffic.start(run.arguments) as traffic:
         ego = Ego(roads, traffic, 1)
+        place = traffic._sumo.vehicle.getLateralLanePosition
         miss, before = [], None
         for _ in range(300):
             traffic.step()
@@ -355,7 +356,8 @@ def test_in_a_real_run_sumo_has_the_vehicle_where_the_truth_has_it(tmp_path) -> 
             if before is not None:  # SUMO now stands where it was put in the last step
                 both, here, there = np.intersect1d(snapshot.handle, before[0], return_indices=True)
                 same = snapshot.lane[here] == before[1][there]
-                miss.append((snapshot.lateral_m[here] - before[2][there])[same])
+                stands = [place(traffic.vehicle_id(handle)) for handle in both.tolist()]
+                miss.append((stands - before[2][there])[same])
                 assert len(both) > 0
             truth = ego.step(snapshot, everyone(snapshot))
             for name, part in truth._asdict().items():

@@ -31,11 +31,9 @@ def traffic(count: int, seed: int, extent_m: float = 400.0) -> Snapshot:
         acceleration_mps2=rng.uniform(-5, 3, count),
         lane=rng.integers(-1, 5, count).astype(np.int32),
         lane_position_m=rng.uniform(0, 100, count),
-        lateral_m=np.zeros(count),
         length_m=rng.uniform(3, 18, count),
         width_m=rng.uniform(1.6, 2.6, count),
         height_m=rng.uniform(1.4, 4, count),
-        signals=np.zeros(count, dtype=np.int32),
     )
 
 
