@@ -68,6 +68,65 @@ def _grown(a, room):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def competing(track, detection, distance, cost, detections, tracks_a_block):  # type: ignore[no-untyped-def]
+    """Pairs without competitors are chosen; all others go into small dense blocks.
+
+    Pairs (E,) as `gate_pairs` gives them; cost (T,) of leaving a track without detection. Gives chosen (T,),
+    -1 for none; the competing tracks (C,); the blocks' gains, cost - distance where a pair is in the gate and
+    0 elsewhere, one after the other; and the blocks (B, 4): first competing track and how many, first
+    detection and how many. No track or detection is in two blocks. A block ends where it has at least
+    `tracks_a_block` tracks and none of its detections is in another pair.
+    """
+    chosen = np.full(len(cost), -1, np.int64)
+    of_track, of_detection = np.zeros(len(cost), np.int64), np.zeros(detections, np.int64)
+    for e in range(len(track)):
+        of_track[track[e]] += 1
+        of_detection[detection[e]] += 1
+    pairs, rest = np.empty(len(track), np.int64), 0
+    for e in range(len(track)):
+        if of_track[track[e]] == 1 and of_detection[detection[e]] == 1:
+            chosen[track[e]] = detection[e]
+        else:
+            pairs[rest] = e
+            rest += 1
+    least = np.empty(rest + 1, np.int64)  # detection from here on
+    least[rest] = detections
+    for k in range(rest - 1, -1, -1):
+        least[k] = min(least[k + 1], detection[pairs[k]])
+    rows, blocks, row = np.empty(rest, np.int64), np.empty((rest, 4), np.int64), np.empty(rest, np.int64)
+    used, count, room, last, open_ = 0, 0, 0, -1, False
+    for k in range(rest):
+        e = pairs[k]
+        new = k == 0 or track[e] != track[pairs[k - 1]]
+        if open_ and new and least[k] > last and blocks[count, 1] >= tracks_a_block:
+            room += blocks[count, 1] * blocks[count, 3]
+            count += 1
+            open_ = False
+        if not open_:
+            blocks[count, 0], blocks[count, 1], blocks[count, 2] = used, 0, least[k]
+            open_, last = True, -1
+        if new:
+            rows[used] = track[e]
+            used += 1
+            blocks[count, 1] += 1
+        row[k] = used - 1
+        last = max(last, detection[e])
+        blocks[count, 3] = last - blocks[count, 2] + 1
+    if open_:
+        room += blocks[count, 1] * blocks[count, 3]
+        count += 1
+    gains, block, begin = np.zeros(room), 0, 0
+    for k in range(rest):
+        if row[k] == blocks[block, 0] + blocks[block, 1]:
+            begin += blocks[block, 1] * blocks[block, 3]
+            block += 1
+        first, _, low, width = blocks[block]
+        t, d = rows[row[k]], detection[pairs[k]]
+        gains[begin + (row[k] - first) * width + d - low] = cost[t] - distance[pairs[k]]
+    return chosen, rows[:used], gains, blocks[:count]
+
+
+@kernel
 def suppressed(track, detection, chosen, confirmed, detections):  # type: ignore[no-untyped-def]
     """Which detections (D,) lie in the gate of a confirmed track that has one: points of that body."""
     out = np.zeros(detections, np.bool_)

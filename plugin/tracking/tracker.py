@@ -191,7 +191,7 @@ class Tracker:
         )
         gate = np.where(tracks.label < 0, options.gate, options.label_gate)
         cost = gate * np.where(tracks.confirmed, 2.0, 1.0)  # a confirmed track has the first choice
-        chosen = assign(track, detection, distance, len(tracks.owner), len(z), cost)
+        chosen = assign(track, detection, distance, len(z), cost)
         return chosen, suppressed(track, detection, chosen, tracks.confirmed, len(z)), z, state
 
     def _restart(self, state: TrackerState, lost: Array) -> TrackerState:

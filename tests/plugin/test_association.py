@@ -39,7 +39,7 @@ def test_equals_dense_assignment_of_each_vehicle(seed: int, crowd: float) -> Non
     track_owner, owner, z_pred, S, z = fleet(rng, vehicles, crowd)
     cost = GATE * rng.choice([1.0, 2.0], len(track_owner))
     track, detection, distance = pairs(track_owner, owner, z_pred, S, z)
-    chosen = assign(track, detection, distance, len(z_pred), len(z), cost)
+    chosen = assign(track, detection, distance, len(z), cost)
     taken = chosen[chosen >= 0]
     assert len(set(taken)) == len(taken)
     dense = np.full((len(z_pred), len(z)), np.inf)
@@ -65,23 +65,23 @@ def test_equals_dense_assignment_of_each_vehicle(seed: int, crowd: float) -> Non
 def test_a_global_choice_beats_the_greedy_one() -> None:
     """Track 0 is nearer to detection 0, but only track 1 can take nothing else."""
     track, detection = np.array([0, 0, 1]), np.array([0, 1, 0])
-    chosen = assign(track, detection, np.array([1.0, 4.0, 2.0]), 2, 2, np.full(2, GATE))
+    chosen = assign(track, detection, np.array([1.0, 4.0, 2.0]), 2, np.full(2, GATE))
     assert chosen.tolist() == [1, 0]
 
 
 def test_where_two_compete_the_costlier_track_goes_first() -> None:
     track, detection = np.array([0, 1]), np.array([0, 0])
-    assert assign(track, detection, np.array([1.0, 9.0]), 2, 1, np.array([GATE, 2 * GATE])).tolist() == [
+    assert assign(track, detection, np.array([1.0, 9.0]), 1, np.array([GATE, 2 * GATE])).tolist() == [
         -1,
         0,
     ]
-    assert assign(track, detection, np.array([1.0, 9.0]), 2, 1, np.array([GATE, GATE])).tolist() == [0, -1]
+    assert assign(track, detection, np.array([1.0, 9.0]), 1, np.array([GATE, GATE])).tolist() == [0, -1]
 
 
 def test_exact_hits_are_assigned() -> None:
     """A distance of 0 in a conflict is an edge like any other."""
     track, detection = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
-    assert assign(track, detection, np.array([0.0, 5.0, 5.0, 0.0]), 2, 2, np.full(2, GATE)).tolist() == [0, 1]
+    assert assign(track, detection, np.array([0.0, 5.0, 5.0, 0.0]), 2, np.full(2, GATE)).tolist() == [0, 1]
 
 
 def test_equals_scipys_sparse_matching_of_a_whole_crowd() -> None:
@@ -90,7 +90,7 @@ def test_equals_scipys_sparse_matching_of_a_whole_crowd() -> None:
     track_owner, owner, z_pred, S, z = fleet(rng, vehicles, 6.0)
     track, detection, distance = pairs(track_owner, owner, z_pred, S, z)
     cost = GATE * rng.choice([1.0, 2.0], len(z_pred))
-    chosen = assign(track, detection, distance, len(z_pred), len(z), cost)
+    chosen = assign(track, detection, distance, len(z), cost)
     own = np.arange(len(z_pred))
     weights = csr_array(  # 1 keeps every weight off zero, which a sparse matrix would not hold
         (
@@ -107,18 +107,17 @@ def test_equals_scipys_sparse_matching_of_a_whole_crowd() -> None:
 def test_the_cuts_of_the_problem_change_nothing(monkeypatch: pytest.MonkeyPatch, call: int) -> None:
     rng, vehicles = np.random.default_rng(7), 40
     found = pairs(*fleet(rng, vehicles, 6.0))
-    tracks, detections = found[0].max() + 1, found[1].max() + 1
-    cost = np.full(tracks, GATE)
-    whole = association.assign(*found, tracks, detections, cost)
+    detections, cost = found[1].max() + 1, np.full(found[0].max() + 1, GATE)
+    whole = association.assign(*found, detections, cost)
     assert len(np.unique(found[0])) > 50
     monkeypatch.setattr(association, "_TRACKS_A_CALL", call)
-    np.testing.assert_array_equal(association.assign(*found, tracks, detections, cost), whole)
+    np.testing.assert_array_equal(association.assign(*found, detections, cost), whole)
 
 
 def test_nothing_to_assign() -> None:
     nothing = np.zeros(0, np.int64)
-    assert assign(nothing, nothing, np.zeros(0), 3, 0, np.full(3, GATE)).tolist() == [-1] * 3
-    assert assign(nothing, nothing, np.zeros(0), 0, 2, np.zeros(0)).tolist() == []
+    assert assign(nothing, nothing, np.zeros(0), 0, np.full(3, GATE)).tolist() == [-1] * 3
+    assert assign(nothing, nothing, np.zeros(0), 2, np.zeros(0)).tolist() == []
 
 
 def test_angles_wrap_in_the_gate() -> None:
