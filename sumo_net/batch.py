@@ -21,20 +21,3 @@ def join(*batches: B) -> B:
         return batches[0]
     parts = zip(*batches, strict=True)
     return type(batches[0])(*[join(*p) if isinstance(p[0], tuple) else np.concatenate(p) for p in parts])
-
-
-def select_joined(old: B, new: B, index: Any) -> B:
-    """select(join(old, new), index) for integers, without the copy of `old` that this makes twice."""
-    parts = zip(old, new, strict=True)
-    return type(old)(
-        *[select_joined(a, b, index) if isinstance(a, tuple) else _taken(a, b, index) for a, b in parts]
-    )
-
-
-def _taken(old: Any, new: Any, index: Any) -> Any:
-    if not len(old):
-        return new[index]
-    taken = old.take(index, axis=0, mode="clip")
-    begun = index >= len(old)
-    taken[begun] = new[index[begun] - len(old)]
-    return taken

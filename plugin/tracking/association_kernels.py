@@ -10,18 +10,28 @@ from sumo_net.frames import wrap_angle
 
 
 @kernel
+def _definite(S):  # type: ignore[no-untyped-def]
+    """Whether S (3, 3) is finite and positive definite, by its leading minors."""
+    a, b, c = S[0, 0], S[1, 1], S[2, 2]
+    d, e, f = S[0, 1], S[0, 2], S[1, 2]
+    second = a * b - d * d
+    third = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
+    return a > 0.0 and second > 0.0 and third > 0.0 and math.isfinite(third)
+
+
+@kernel
 def gate_pairs(z_pred, S, track_label, track_owner, z, label, owner, angle, gate, label_gate):  # type: ignore[no-untyped-def]
     """All (track, detection) pairs of one vehicle with yᵀ S⁻¹ y ≤ gate, in order of track and detection.
 
     Tracks z_pred (T, 3), S (T, 3, 3) and detections z (D, 3) are sorted by vehicle: track_owner (T,) and
     owner (D,). Where labels (-1: none) are given only equal ones pair, within `label_gate`. Gives track (E,),
-    detection (E,), distance squared (E,).
+    detection (E,), distance squared (E,), and which S (T,) are not finite or not positive definite.
     """
     tracks, m = len(z_pred), MEASURED
     room = max(16, 2 * tracks)
     of_track, of_detection = np.empty(room, np.int64), np.empty(room, np.int64)
     distance = np.empty(room)
-    used = 0
+    lost, used = np.empty(tracks, np.bool_), 0
     L, y, w = np.empty((m, m)), np.empty(m), np.empty(m)
     first, end = 0, 0  # of the vehicle's detections
     for t in range(tracks):
@@ -34,6 +44,7 @@ def gate_pairs(z_pred, S, track_label, track_owner, z, label, owner, angle, gate
                 end += 1
         limit = gate if track_label[t] < 0 else label_gate
         positive = cholesky(S[t], L)
+        lost[t] = not _definite(S[t])
         for d in range(first, end):
             if not positive or track_label[t] != label[d]:
                 continue
@@ -57,7 +68,7 @@ def gate_pairs(z_pred, S, track_label, track_owner, z, label, owner, angle, gate
                 distance = _grown(distance, room)
             of_track[used], of_detection[used], distance[used] = t, d, squared
             used += 1
-    return of_track[:used], of_detection[:used], distance[:used]
+    return of_track[:used], of_detection[:used], distance[:used], lost
 
 
 @kernel
@@ -127,23 +138,21 @@ def competing(track, detection, distance, cost, detections, tracks_a_block):  # 
 
 
 @kernel
-def suppressed(track, detection, chosen, confirmed, detections):  # type: ignore[no-untyped-def]
-    """Which detections (D,) lie in the gate of a confirmed track that has one: points of that body."""
-    out = np.zeros(detections, np.bool_)
+def unclaimed(track, detection, chosen, confirmed, detections):  # type: ignore[no-untyped-def]
+    """The detections (B,) of all that no track has chosen (T,) or suppresses.
+
+    Suppressed is what lies in the gate of a confirmed track that has one: points of that body.
+    """
+    free = np.ones(detections, np.bool_)
+    for t in range(len(chosen)):
+        if chosen[t] >= 0:
+            free[chosen[t]] = False
     for e in range(len(track)):
         if confirmed[track[e]] and chosen[track[e]] >= 0:
-            out[detection[e]] = True
-    return out
-
-
-@kernel
-def definite(S):  # type: ignore[no-untyped-def]
-    """Whether each S (T, 3, 3) is finite and positive definite, by its leading minors (T,)."""
-    out = np.empty(len(S), np.bool_)
-    for t in range(len(S)):
-        a, b, c = S[t, 0, 0], S[t, 1, 1], S[t, 2, 2]
-        d, e, f = S[t, 0, 1], S[t, 0, 2], S[t, 1, 2]
-        second = a * b - d * d
-        third = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
-        out[t] = a > 0.0 and second > 0.0 and third > 0.0 and math.isfinite(third)
-    return out
+            free[detection[e]] = False
+    out, count = np.empty(detections, np.int64), 0
+    for d in range(detections):
+        if free[d]:
+            out[count] = d
+            count += 1
+    return out[:count]

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from plugin.tracking import classification_kernels as kernels
+from plugin.tracking.classification_kernels import ClassRules
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
@@ -56,15 +56,6 @@ class ClassSettings:
     go_cycles: int = Field(3, ge=1, le=100, description="standing to moving, as published")
 
 
-class Rules(NamedTuple):
-    """The kernel's view of the settings."""
-
-    settle_cycles: int
-    stop_cycles: int
-    go_cycles: int
-    near_zero_mps: float
-
-
 class ClassState(NamedTuple):
     """(T,) each, int8."""
 
@@ -83,11 +74,7 @@ def moving_threshold(options: ClassSettings, speed_mps: Array, acceleration_mps2
     return options.minimum_speed_mps + options.k1 * speed_mps + options.k2_s * acceleration_mps2
 
 
-def step(
-    state: ClassState, speed_mps: Array, measured: Array, threshold_mps: Array, options: ClassSettings
-) -> ClassState:
-    """One cycle for T tracks with speed over ground along x (T,), `measured` (T,) and V_t (T,)."""
-    rules = Rules(options.settle_cycles, options.stop_cycles, options.go_cycles, options.near_zero_mps)
-    return ClassState(
-        *kernels.advance(*state, speed_mps, measured, threshold_mps, options.oncoming_speed_mps, rules)
-    )
+def rules(options: ClassSettings) -> ClassRules:
+    """The kernel's view of the settings; its step is `classification_kernels.advance`."""
+    o = options
+    return ClassRules(o.settle_cycles, o.stop_cycles, o.go_cycles, o.near_zero_mps, o.oncoming_speed_mps)

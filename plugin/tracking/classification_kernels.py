@@ -1,5 +1,7 @@
 """The state machine of the motion classes, over all tracks."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from sumo_net.compile import kernel
@@ -7,14 +9,23 @@ from sumo_net.compile import kernel
 UNCLASSIFIED, STATIONARY, SAME_DIRECTION, ONCOMING, STOPPED_SAME, STOPPED_ONCOMING = 0, 1, 2, 3, 4, 5
 
 
-@kernel
-def advance(state, candidate, count, speed, measured, moving, oncoming, p):  # type: ignore[no-untyped-def]
-    """One cycle: state, candidate (T,) int8, count (T,) int8 in and out; speed (T,) over ground along x.
+class ClassRules(NamedTuple):
+    """The settings of the classes as kernels take them."""
 
-    moving (T,) is V_t, oncoming V_x; p a NamedTuple with settle_cycles, stop_cycles, go_cycles,
-    near_zero_mps. A cycle without a measurement says nothing: it neither counts nor interrupts.
+    settle_cycles: int
+    stop_cycles: int
+    go_cycles: int
+    near_zero: float  # m/s
+    oncoming: float  # m/s, V_x
+
+
+@kernel
+def advance(state, candidate, count, speed, measured, moving, p):  # type: ignore[no-untyped-def]
+    """One cycle in place: state, candidate, count (T,) int8; speed (T,) over ground along x.
+
+    moving (T,) is V_t, p ClassRules. A cycle without a measurement says nothing: it neither counts nor
+    interrupts.
     """
-    state, candidate, count = state.copy(), candidate.copy(), count.copy()
     for t in range(len(state)):
         now, v = state[t], speed[t]
         if not measured[t]:
@@ -24,18 +35,18 @@ def advance(state, candidate, count, speed, measured, moving, oncoming, p):  # t
             needed = p.settle_cycles
             if v >= moving[t]:
                 target = SAME_DIRECTION
-            elif v <= oncoming:
+            elif v <= p.oncoming:
                 target = ONCOMING
             else:
                 target = STATIONARY
         elif now in (SAME_DIRECTION, ONCOMING):
             needed = p.stop_cycles
-            if abs(v) <= p.near_zero_mps or oncoming < v < moving[t]:
+            if abs(v) <= p.near_zero or p.oncoming < v < moving[t]:
                 # Text ii of the patent prints 'was same direction' for both; its description has the pair.
                 target = STOPPED_SAME if now == SAME_DIRECTION else STOPPED_ONCOMING
         elif v > moving[t]:
             target = SAME_DIRECTION
-        elif v < oncoming:
+        elif v < p.oncoming:
             target = ONCOMING
         if target == now or not np.isfinite(v):
             count[t] = 0
@@ -45,4 +56,3 @@ def advance(state, candidate, count, speed, measured, moving, oncoming, p):  # t
         if count[t] >= needed:
             state[t] = target
             count[t] = 0
-    return state, candidate, count

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from plugin.tracking.adaptive import Adaptation
-from plugin.tracking.detections import Array, Detections, Estimate, SensorMotion
+from plugin.tracking.detections import Array, Detections, SensorMotion
 from plugin.tracking.ground import GroundFilter
 from plugin.tracking.models import GroundMotion, PolarMotion, RadarNoise
 from plugin.tracking.polar import PolarFilter, StartSpread
@@ -19,8 +19,9 @@ FILTERS: tuple[FilterName, ...] = ("imm", "adaptive", "patent", "cv", "ca")
 class Filter(Protocol):
     """T tracks of a fleet of n vehicles at once; `owner` (T,) names each track's vehicle.
 
-    A state is a NamedTuple of (T, ...) arrays, so that `batch.select` and `batch.join` work on it. z (D, 3)
-    is the filter's own form of a detection; `angle` (3,) says which components of it are angles.
+    A state is a NamedTuple of arrays, a row for each track and maybe more. Rows are moved in `predict` alone,
+    where all of them are written anyway: covariances are large. z (D, 3) is the filter's own form of a
+    detection; `angle` (3,) says which components of it are angles.
     """
 
     angle: Array
@@ -28,8 +29,17 @@ class Filter(Protocol):
     def start(self, detections: Detections, sensor: SensorMotion) -> Any:
         """States of new tracks, one a detection."""
 
-    def predict(self, state: Any, owner: Array, dt: Array, sensor: SensorMotion) -> Any:
-        """States dt (n,) later, with the ego's motion taken out."""
+    def join(self, state: Any, tracks: int, new: Any) -> Any:
+        """The first `tracks` rows of a state and those of new tracks after them; `state` is used up."""
+
+    def predict(
+        self, state: Any, rows: Array, owner: Array, dt: Array, sensor: SensorMotion, room: int
+    ) -> tuple[Any, Array]:
+        """States dt (n,) later, with the ego's motion taken out, of `rows` (T,) of `state`.
+
+        There may be up to `room` new tracks before the next prediction. Also which of them (T,) have
+        covariances that are not positive definite, or not numbers.
+        """
 
     def expect(self, state: Any, owner: Array, sensor: SensorMotion) -> tuple[Array, Array]:
         """Predicted measurement (T, 3) and its covariance S (T, 3, 3)."""
@@ -37,17 +47,14 @@ class Filter(Protocol):
     def measure(self, detections: Detections) -> Array:
         """The detections as z (D, 3)."""
 
-    def update(self, state: Any, z: Array, seen: Array, owner: Array, sensor: SensorMotion) -> Any:
-        """States after z (T, 3), each track's own detection, where `seen` (T,)."""
+    def update(self, state: Any, z: Array, chosen: Array, owner: Array, sensor: SensorMotion) -> Any:
+        """States after the detection chosen (T,) of z (D, 3), -1 for none; `state` is used up."""
 
-    def lost(self, state: Any) -> Array:
-        """Tracks (T,) whose covariances are not positive definite, or not numbers."""
+    def restart(self, state: Any, lost: Array) -> Any:
+        """The same with covariances (and noise estimates) of the tracks `lost` (T,) bool begun anew."""
 
-    def restart(self, state: Any, rows: Array) -> Any:
-        """The same with covariances (and noise estimates) of `rows` (T,) bool begun anew."""
-
-    def estimate(self, state: Any, owner: Array, sensor: SensorMotion) -> Estimate:
-        """What the states say, polar and over ground."""
+    def estimate(self, state: Any, owner: Array, sensor: SensorMotion) -> Array:
+        """What the first T states say, polar and over ground: the parts of an Estimate, (10, T)."""
 
 
 @settings

@@ -11,10 +11,11 @@ import numpy as np
 
 from plugin.tracking import adaptive
 from plugin.tracking.adaptive import Adaptation, AdaptiveState
-from plugin.tracking.detections import Array, Detections, Estimate, SensorMotion
+from plugin.tracking.detections import Array, Detections, SensorMotion
 from plugin.tracking.kalman_kernels import STATES
 from plugin.tracking.models import GroundMotion, RadarNoise, ground_model
 from plugin.tracking.polar import StartSpread, first_velocity
+from sumo_net.batch import join, select
 
 
 class GroundFilter:
@@ -41,9 +42,9 @@ class GroundFilter:
         self._Q = self._model.transition(np.array([motion.step_s]))[1][0, 0]
 
     def start(self, detections: Detections, sensor: SensorMotion) -> AdaptiveState:
-        vx, vy, sigma = first_velocity(detections, sensor, self._spread.lateral_speed_mps)
         r, azimuth = np.maximum(detections.range_m, 0.1), detections.azimuth_rad
         tracks, c, s = len(r), np.cos(azimuth), np.sin(azimuth)
+        vx, vy, sigma = first_velocity(detections, c, s, sensor, self._spread)
         x = np.zeros((tracks, STATES))
         x[:, 0], x[:, 1], x[:, 3], x[:, 4] = r * c, vx, r * s, vy
         along = (self._R[0, 0], self._R[1, 1], self._spread.acceleration_mps2**2)
@@ -56,7 +57,14 @@ class GroundFilter:
         prior = 0.0 if self.published else self.adaptation.prior_steps
         return adaptive.init(x, P, self._R, self._Q, prior)
 
-    def predict(self, state: AdaptiveState, owner: Array, dt: Array, sensor: SensorMotion) -> AdaptiveState:
+    def join(self, state: AdaptiveState, tracks: int, new: AdaptiveState) -> AdaptiveState:
+        return join(state, new)
+
+    def predict(
+        self, state: AdaptiveState, rows: Array, owner: Array, dt: Array, sensor: SensorMotion, room: int
+    ) -> tuple[AdaptiveState, Array]:
+        """Lost are tracks whose last update left some matrix indefinite; none in the safe form."""
+        state = select(state, rows)
         steps, which = np.unique(dt, return_inverse=True)
         F, Q = (m[:, 0] for m in self._model.transition(steps))
         turn = np.zeros((len(dt), STATES, STATES))
@@ -69,8 +77,10 @@ class GroundFilter:
         way[:, 3] = -(sensor.vy + 0.5 * sensor.ay * dt) * dt
         F, shift = turn @ F[which], np.einsum("nij,nj->ni", turn, way)[owner]
         if self.published:
-            return adaptive.predict_patent(state, F, owner, shift)
-        return adaptive.predict_safe(state, F, Q[which], owner, shift)
+            state = adaptive.predict_patent(state, F, owner, shift)
+        else:
+            state = adaptive.predict_safe(state, F, Q[which], owner, shift)
+        return state, state.flags != 0
 
     def expect(self, state: AdaptiveState, owner: Array, sensor: SensorMotion) -> tuple[Array, Array]:
         r, c, s = _line_of_sight(state.x)
@@ -86,8 +96,10 @@ class GroundFilter:
         return np.stack([r * np.cos(azimuth), detections.range_rate_mps, r * np.sin(azimuth)], axis=1)
 
     def update(
-        self, state: AdaptiveState, z: Array, seen: Array, owner: Array, sensor: SensorMotion
+        self, state: AdaptiveState, z: Array, chosen: Array, owner: Array, sensor: SensorMotion
     ) -> AdaptiveState:
+        seen = chosen >= 0
+        z = z[chosen] if len(z) else np.zeros((len(chosen), 3))
         r, c, s = _line_of_sight(state.x)
         turned = np.stack(
             [
@@ -102,18 +114,14 @@ class GroundFilter:
             return adaptive.update_patent(state, turned, seen, H, b, self.adaptation.adapt_process)
         return adaptive.update_safe(state, turned, seen, H, b)
 
-    def lost(self, state: AdaptiveState) -> Array:
-        """Tracks whose last update left some matrix indefinite; none in the safe form."""
-        return state.flags != 0
-
-    def restart(self, state: AdaptiveState, rows: Array) -> AdaptiveState:
-        """What was lost of the tracks `rows` (T,) bool as at the start: R with r, Q with q, P; k stays.
+    def restart(self, state: AdaptiveState, lost: Array) -> AdaptiveState:
+        """What was lost of the tracks `lost` (T,) bool as at the start: R with r, Q with q, P; k stays.
 
         (With k = 0 again, d = 1 would put the next squared innovation alone in R's place, and lose it again.)
-        A track of `rows` without flags has lost S: everything begins anew.
+        A track of `lost` without flags has lost S: everything begins anew.
         """
         flags = np.where(state.flags == 0, -1, state.flags)
-        fresh = adaptive.init(state.x, np.tile(self._wide(), (len(rows), 1, 1)), self._R, self._Q)
+        fresh = adaptive.init(state.x, np.tile(self._wide(), (len(lost), 1, 1)), self._R, self._Q)
         parts = state._asdict()
         all_lost = adaptive.S_INDEFINITE | adaptive.NOT_FINITE
         for told, names in (
@@ -121,28 +129,19 @@ class GroundFilter:
             (adaptive.Q_INDEFINITE, ("Q", "q")),
             (adaptive.P_INDEFINITE, ("P",)),
         ):
-            begun = rows & ((flags & (told | all_lost)) != 0)
+            begun = lost & ((flags & (told | all_lost)) != 0)
             for name in names:
                 old, new = parts[name], getattr(fresh, name)
                 parts[name] = np.where(begun.reshape(-1, *(1,) * (old.ndim - 1)), new, old)
-        parts["flags"] = np.where(rows, 0, state.flags)
+        parts["flags"] = np.where(lost, 0, state.flags)
         return AdaptiveState(**parts)
 
-    def estimate(self, state: AdaptiveState, owner: Array, sensor: SensorMotion) -> Estimate:
+    def estimate(self, state: AdaptiveState, owner: Array, sensor: SensorMotion) -> Array:
         r, c, s = _line_of_sight(state.x)
         x, vx, ax, y, vy, ay = state.x.T
-        return Estimate(
-            r,
-            c * (vx - sensor.vx[owner]) + s * (vy - sensor.vy[owner]),
-            np.arctan2(y, x),
-            x + self._mount,
-            y,
-            vx,
-            vy,
-            ax,
-            ay,
-            np.full(len(r), np.nan),
-        )
+        rate = c * (vx - sensor.vx[owner]) + s * (vy - sensor.vy[owner])
+        no_mode = np.full(len(r), np.nan)
+        return np.stack([r, rate, np.arctan2(y, x), x + self._mount, y, vx, vy, ax, ay, no_mode])
 
     def _wide(self) -> Array:
         a = self._spread.acceleration_mps2**2

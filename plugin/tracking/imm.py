@@ -77,7 +77,8 @@ def update(
     check_measured(H)
     angle = np.zeros(len(H), np.bool_) if angle is None else angle
     after = ImmState(*(part.copy() for part in state))
-    return after, kernels.update(*after, z, seen, H, R, angle)
+    chosen = np.where(seen, np.arange(len(z)), -1)
+    return after, kernels.update(*after, z, chosen, H, R, angle)
 
 
 def combine(state: ImmState) -> Gaussian:

@@ -67,22 +67,23 @@ def _innovation(x, z, H, angle, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def update(x, P, mu, z, seen, H, R, angle):  # type: ignore[no-untyped-def]
+def update(x, P, mu, z, chosen, H, R, angle):  # type: ignore[no-untyped-def]
     """Steps 2 and 3 in place: every model's update, and the mode probabilities by their log-likelihoods.
 
-    Shapes as in `predict`; z (T, m), seen (T,), H (m, n), R (m, m), angle (m,). The probabilities are taken
-    relative to the likeliest mode, so that no underflow of all of them can occur. Where nothing is seen all
-    stays as predicted. Where some model's innovation covariance is not positive definite, `sound` (T,), which
-    is given back, is False and the probabilities stay as predicted.
+    Shapes as in `predict`; z (D, m), chosen (T,) the row of z that a track takes, -1 for none, H (m, n),
+    R (m, m), angle (m,). The probabilities are taken relative to the likeliest mode, so that no underflow of
+    all of them can occur. Where nothing is taken all stays as predicted. Where some model's innovation
+    covariance is not positive definite, `sound` (T,), which is given back, is False and the probabilities
+    stay as predicted.
     """
-    tracks, r, n = len(x), x.shape[1], STATES
+    tracks, r, n = len(chosen), x.shape[1], STATES
     m = MEASURED
     sound = np.ones(tracks, np.bool_)
     y, K, S, L = np.empty(m), np.empty((n, m)), np.empty((m, m)), np.empty((m, m))
     A, work, log_mu = np.empty((n, n)), np.empty((n, n)), np.empty(r)
     one_x, one_P = np.empty(n), np.empty((n, n))
     for t in range(tracks):
-        if not seen[t]:
+        if chosen[t] < 0:
             continue
         highest = -math.inf
         for j in range(r):
@@ -90,7 +91,7 @@ def update(x, P, mu, z, seen, H, R, angle):  # type: ignore[no-untyped-def]
                 one_x[a] = x[t, j, a]
                 for b in range(n):
                     one_P[a, b] = P[t, j, a, b]
-            _innovation(one_x, z[t], H, angle, y)
+            _innovation(one_x, z[chosen[t]], H, angle, y)
             log_likelihood = update_one(one_x, one_P, y, H, R, K, S, L, A, work)
             if math.isnan(log_likelihood):
                 sound[t] = False
@@ -134,12 +135,13 @@ def combine(x, P, mu):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def expect(x, P, mu, R, seen):  # type: ignore[no-untyped-def]
+def expect(tracks, x, P, mu, R, seen):  # type: ignore[no-untyped-def]
     """Mean (T, m) and covariance (T, m, m) of what will be measured: the mixture's states `seen` (m,) with R.
 
+    Of the first `tracks` = T rows of x, P, mu.
     Where z is some of the states, H selecting them, this is H of `combine` with R added.
     """
-    tracks, r, m = len(x), x.shape[1], MEASURED
+    r, m = x.shape[1], MEASURED
     mean, S = np.zeros((tracks, m)), np.zeros((tracks, m, m))
     for t in range(tracks):
         for j in range(r):
@@ -156,17 +158,3 @@ def expect(x, P, mu, R, seen):  # type: ignore[no-untyped-def]
             for b in range(m):
                 S[t, a, b] += R[a, b]
     return mean, S
-
-
-@kernel
-def finite(P):  # type: ignore[no-untyped-def]
-    """Whether all of P (T, r, n, n) are numbers, (T,)."""
-    out = np.ones(len(P), np.bool_)
-    for t in range(len(P)):
-        total = 0.0
-        for j in range(P.shape[1]):
-            for a in range(STATES):
-                for b in range(STATES):
-                    total += P[t, j, a, b]
-        out[t] = math.isfinite(total)
-    return out

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from plugin.tracking import imm, imm_kernels, polar_kernels
-from plugin.tracking.detections import Array, Detections, Estimate, SensorMotion
+from plugin.tracking.detections import Array, Detections, SensorMotion
 from plugin.tracking.imm import ImmState
 from plugin.tracking.kalman_kernels import STATES
 from plugin.tracking.models import (
@@ -34,20 +34,14 @@ class StartSpread:
     acceleration_mps2: float = Field(2.0, gt=0, description="σ of the acceleration, each axis")
 
 
-def first_velocity(detections: Detections, sensor: SensorMotion, spread: float) -> tuple[Array, Array, Array]:
-    """Velocity over ground (vx, vy), and σ of what the range rate does not tell, of objects first seen.
-
-    Objects move along the road, so nearly along x: v_x = (ṙ + u·v_sensor)/cos β. Where the line of sight is
-    nearly across (|cos β| < 0.5) the velocity is taken along the line of sight.
-    """
-    c, s = np.cos(detections.azimuth_rad), np.sin(detections.azimuth_rad)
-    own = detections.owner
-    radial = detections.range_rate_mps + c * sensor.vx[own] + s * sensor.vy[own]
-    ahead = np.abs(c) >= 0.5
-    vx = np.where(ahead, radial / np.where(ahead, c, 1.0), radial * c)
-    vy = np.where(ahead, 0.0, radial * s)
-    # Across the line of sight there remains v_y / cos β, or anything as fast as the object itself.
-    return vx, vy, np.where(ahead, spread / np.where(ahead, np.abs(c), 1.0), spread + np.abs(radial))
+def first_velocity(
+    detections: Detections, c: Array, s: Array, sensor: SensorMotion, options: StartSpread
+) -> Array:
+    """(3, B) of objects first seen: v_x, v_y over ground and σ of the rest; c, s (B,) of their azimuths."""
+    out: Array = polar_kernels.first_velocity(
+        detections.owner, detections.range_rate_mps, c, s, sensor, options.lateral_speed_mps
+    )
+    return out
 
 
 class PolarFilter:
@@ -74,45 +68,51 @@ class PolarFilter:
         )
 
     def start(self, detections: Detections, sensor: SensorMotion) -> ImmState:
-        vx, vy, sigma = first_velocity(detections, sensor, self._spread.lateral_speed_mps)
-        own, r = detections.owner, np.maximum(detections.range_m, 0.1)
         c, s = np.cos(detections.azimuth_rad), np.sin(detections.azimuth_rad)
-        x = np.zeros((len(own), STATES))
-        x[:, 0], x[:, 1], x[:, 3] = detections.range_m, detections.range_rate_mps, detections.azimuth_rad
-        x[:, 4] = (c * (vy - sensor.vy[own]) - s * (vx - sensor.vx[own])) / r
-        P = np.zeros((len(own), STATES, STATES))
-        P[:, _SEEN[:, None], _SEEN] = self._R
-        P[:, 2, 2] = self._spread.acceleration_mps2**2
-        P[:, 4, 4] = (sigma / r) ** 2
-        P[:, 5, 5] = (self._spread.acceleration_mps2 / r) ** 2
-        return imm.init(x, P, np.full(len(self.models.names), 1.0 / len(self.models.names)))
+        velocity = first_velocity(detections, c, s, sensor, self._spread)
+        count, r = len(c), len(self.models.names)
+        new = ImmState(
+            np.empty((count, r, STATES)), np.empty((count, r, STATES, STATES)), np.empty((count, r))
+        )
+        z, owner, acceleration = self.measure(detections), detections.owner, self._spread.acceleration_mps2
+        polar_kernels.start(*new, z, c, s, velocity, owner, sensor, self._R, acceleration)
+        return new
 
-    def predict(self, state: ImmState, owner: Array, dt: Array, sensor: SensorMotion) -> ImmState:
+    def join(self, state: ImmState, tracks: int, new: ImmState) -> ImmState:
+        for part, begun in zip(state, new, strict=True):
+            part[tracks : tracks + len(begun)] = begun  # the prediction has left room
+        return state
+
+    def predict(
+        self, state: ImmState, rows: Array, owner: Array, dt: Array, sensor: SensorMotion, room: int
+    ) -> tuple[ImmState, Array]:
         if len(dt) and dt[0] == dt.min() == dt.max():
             (F, Q, markov), which = self._transition(float(dt[0])), np.zeros(len(dt), np.int64)
         else:
             steps, which = np.unique(dt, return_inverse=True)
             F, Q = self.models.transition(steps)
             markov = markov_powers(self.markov, steps, self._step_s)
-        return ImmState(*polar_kernels.predict(*state, F, Q, markov, which[owner], owner, dt, sensor))
+        *parts, lost = polar_kernels.predict(*state, rows, F, Q, markov, which, owner, dt, sensor, room)
+        return ImmState(*parts), lost
 
     def expect(self, state: ImmState, owner: Array, sensor: SensorMotion) -> tuple[Array, Array]:
-        expected, S = imm_kernels.expect(*state, self._R, _SEEN)
+        expected, S = imm_kernels.expect(len(owner), *state, self._R, _SEEN)
         return expected, S
 
     def measure(self, detections: Detections) -> Array:
-        return np.stack([detections.range_m, detections.range_rate_mps, detections.azimuth_rad], axis=1)
+        z = np.empty((len(detections.owner), 3))
+        z[:, 0], z[:, 1], z[:, 2] = detections[1:4]  # range, range rate, azimuth
+        return z
 
-    def update(self, state: ImmState, z: Array, seen: Array, owner: Array, sensor: SensorMotion) -> ImmState:
-        imm_kernels.update(*state, z, seen, POLAR_H, self._R, POLAR_ANGLE)
+    def update(
+        self, state: ImmState, z: Array, chosen: Array, owner: Array, sensor: SensorMotion
+    ) -> ImmState:
+        imm_kernels.update(*state, z, chosen, POLAR_H, self._R, POLAR_ANGLE)
         return state
 
-    def lost(self, state: ImmState) -> Array:
-        """By construction they stay non-negative; only numbers can be lost."""
-        return ~np.asarray(imm_kernels.finite(state.P))
-
-    def restart(self, state: ImmState, rows: Array) -> ImmState:
-        """Covariances as of new tracks and even mode probabilities for `rows` (T,) bool."""
+    def restart(self, state: ImmState, lost: Array) -> ImmState:
+        """Covariances as of new tracks and even mode probabilities where `lost` (T,)."""
+        rows = np.flatnonzero(lost)
         P, mu = state.P.copy(), state.mu.copy()
         r = np.maximum(state.x[rows, :, 0], 1.0)
         fresh = np.zeros((*r.shape, STATES, STATES))
@@ -123,9 +123,10 @@ class PolarFilter:
         P[rows], mu[rows] = fresh, 1.0 / mu.shape[1]
         return ImmState(state.x, P, mu)
 
-    def estimate(self, state: ImmState, owner: Array, sensor: SensorMotion) -> Estimate:
+    def estimate(self, state: ImmState, owner: Array, sensor: SensorMotion) -> Array:
         cv = self.models.names.index("cv") if "cv" in self.models.names else -1
-        return Estimate(*polar_kernels.estimate(state.x, state.mu, owner, sensor, self._mount, cv))
+        out: Array = polar_kernels.estimate(state.x, state.mu, owner, sensor, self._mount, cv)
+        return out
 
     @functools.lru_cache(maxsize=8)  # noqa: B019 (a filter lives as long as its run)
     def _transition(self, dt_s: float) -> tuple[Array, Array, Array]:

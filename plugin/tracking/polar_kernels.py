@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from plugin.tracking.imm_kernels import mix_one
-from plugin.tracking.kalman_kernels import STATES, congruence
+from plugin.tracking.kalman_kernels import MEASURED, STATES, congruence
 from sumo_net.compile import inlined, kernel
 from sumo_net.frames import wrap_angle
 
@@ -47,47 +47,98 @@ def bend(x, G, h, sensor, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def predict(x, P, mu, F, Q, markov, which, owner, dt, sensor):  # type: ignore[no-untyped-def]
-    """`imm_kernels.predict` with each mixed state bent before F.
+def predict(x, P, mu, rows, F, Q, markov, which, owner, dt, sensor, room):  # type: ignore[no-untyped-def]
+    """`imm_kernels.predict` with each mixed state bent before F; also where that gave no numbers, (T,) bool.
 
-    x (T, r, 6), P (T, r, 6, 6), mu (T, r); F, Q (U, r, 6, 6), markov (U, r, r), which (T,) into U; owner (T,)
-    into the n vehicles with time steps dt (n,) and `sensor`, a SensorMotion of (n,) each.
+    x (S, r, 6), P (S, r, 6, 6), mu (S, r), of which `rows` (T,) are taken; F, Q (U, r, 6, 6), markov
+    (U, r, r); owner (T,) into the n vehicles with time steps dt (n,), which (n,) into U, and `sensor`, a
+    SensorMotion of (n,) each. What comes back has T + room rows, the last ones not filled.
     """
-    tracks, r, n = len(x), x.shape[1], STATES
-    xp, Pp, c = np.empty_like(x), np.empty_like(P), np.empty_like(mu)
+    tracks, r, n = len(rows), x.shape[1], STATES
+    xp, Pp = np.empty((tracks + room, r, n)), np.empty((tracks + room, r, n, n))
+    c, lost = np.empty((tracks + room, r)), np.empty(tracks, np.bool_)
     x0, P0, w, work = np.empty((r, n)), np.empty((r, n, n)), np.empty(r), np.empty((n, n))
     G, A, out = np.eye(n), np.empty((n, n)), np.empty((n, n))
     for t in range(tracks):
-        u, v = which[t], owner[t]
-        mix_one(x[t], P[t], mu[t], markov[u], x0, P0, c[t], w)
+        v, s, total = owner[t], rows[t], 0.0
+        u = which[v]
+        mix_one(x[s], P[s], mu[s], markov[u], x0, P0, c[t], w)
         for j in range(r):
             bend(x0[j], G, dt[v], sensor, v)
             for i in range(n):
-                total = 0.0
+                state = 0.0
                 for b in range(n):
                     A[i, b] = 0.0
                 for a in range(n):
                     f = F[u, j, i, a]
                     if f != 0.0:
-                        total += f * x0[j, a]
+                        state += f * x0[j, a]
                         for b in range(n):
                             A[i, b] += f * G[a, b]
-                xp[t, j, i] = total
+                xp[t, j, i] = state
             congruence(A, P0[j], work, out)
             for i in range(n):
                 for b in range(n):
                     Pp[t, j, i, b] = out[i, b] + Q[u, j, i, b]
-    return xp, Pp, c
+                    total += out[i, b]
+        lost[t] = not math.isfinite(total)
+    return xp, Pp, c, lost
+
+
+@kernel
+def first_velocity(owner, rate, c, s, sensor, spread):  # type: ignore[no-untyped-def]
+    """Velocity over ground (vx, vy) of objects first seen, and σ of what the range rate leaves open, (3, B).
+
+    Objects move along the road, so nearly along x: v_x = (ṙ + u·v_sensor)/cos β. Where the line of sight is
+    nearly across (|cos β| < 0.5) the velocity is taken along the line of sight. owner (B,) into `sensor`, a
+    SensorMotion; range rate, c = cos β, s = sin β (B,).
+    """
+    out = np.empty((3, len(owner)))
+    for b in range(len(owner)):
+        v = owner[b]
+        radial = rate[b] + c[b] * sensor.vx[v] + s[b] * sensor.vy[v]
+        # Across the line of sight there remains v_y / cos β, or anything as fast as the object itself.
+        if abs(c[b]) >= 0.5:
+            out[0, b], out[1, b], out[2, b] = radial / c[b], 0.0, spread / abs(c[b])
+        else:
+            out[0, b], out[1, b], out[2, b] = radial * c[b], radial * s[b], spread + abs(radial)
+    return out
+
+
+@kernel
+def start(x, P, mu, z, c, s, velocity, owner, sensor, R, acceleration):  # type: ignore[no-untyped-def]
+    """New tracks into x (B, r, 6), P (B, r, 6, 6), mu (B, r): all models alike, and as likely.
+
+    z (B, 3) : range, range rate and azimuth β; c = cos β, s = sin β (B,); velocity (3, B) : that of
+    `first_velocity`; acceleration : m/s², σ of each axis.
+    """
+    r = x.shape[1]
+    for b in range(len(owner)):
+        v, distance = owner[b], max(z[b, 0], 0.1)
+        lam = (c[b] * (velocity[1, b] - sensor.vy[v]) - s[b] * (velocity[0, b] - sensor.vx[v])) / distance
+        across, turning = velocity[2, b] / distance, acceleration / distance
+        for j in range(r):
+            mu[b, j] = 1.0 / r
+            for i in range(STATES):
+                x[b, j, i] = 0.0
+                for k in range(STATES):
+                    P[b, j, i, k] = 0.0
+            x[b, j, 0], x[b, j, 1], x[b, j, 3], x[b, j, 4] = z[b, 0], z[b, 1], z[b, 2], lam
+            for i in range(MEASURED):
+                for k in range(MEASURED):
+                    P[b, j, i + i // 2, k + k // 2] = R[i, k]
+            P[b, j, 2, 2] = acceleration * acceleration
+            P[b, j, 4, 4], P[b, j, 5, 5] = across * across, turning * turning
 
 
 @kernel
 def estimate(x, mu, owner, sensor, mount, cv):  # type: ignore[no-untyped-def]
-    """The parts of an Estimate, (10, T), of the mixtures x (T, r, 6), mu (T, r).
+    """The parts of an Estimate, (10, T), of the mixtures that are the first T rows of x (S, r, 6), mu (S, r).
 
     owner (T,) into `sensor`, a SensorMotion; mount: of the radar, ahead of the centre of gravity; cv: the
     model of constant velocity, -1 for none.
     """
-    tracks, r = len(x), x.shape[1]
+    tracks, r = len(owner), x.shape[1]
     out, mean = np.empty((10, tracks)), np.empty(STATES)
     for t in range(tracks):
         for a in range(STATES):

@@ -11,12 +11,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from plugin.tracking import classification
+from plugin.tracking import tracker_kernels as kernels
 from plugin.tracking.association import NONE, assign
-from plugin.tracking.association_kernels import definite, gate_pairs, suppressed
+from plugin.tracking.association_kernels import gate_pairs, unclaimed
 from plugin.tracking.classification import ClassSettings, ClassState
 from plugin.tracking.detections import Array, Detections, EgoMotion, Estimate, SensorMotion, sensor_motion
 from plugin.tracking.filters import FilterName, FilterSettings, make
-from sumo_net.batch import select, select_joined
+from sumo_net.batch import select
 from sumo_net.settings import settings
 
 _LONGEST_HISTORY = 60
@@ -65,11 +66,12 @@ class Tracks(NamedTuple):
 
 
 class TrackerState(NamedTuple):
-    """Everything the tracker remembers; `filter` is the filter's own batch of T states."""
+    """Everything the tracker remembers."""
 
     tracks: Tracks
-    filter: Any
     classes: ClassState
+    filter: Any  # the filter's own states, and …
+    rows: Array  # … (T,) int64, which of them the tracks' are
     next_id: Array  # (n,) int64
 
 
@@ -90,8 +92,17 @@ class Tracker:
     """The step with its settings; holds no state."""
 
     def __init__(self, options: TrackerSettings) -> None:
-        self.options = options
-        self._filter = make(options.filter, options.filters)
+        self.options = o = options
+        self._filter = make(o.filter, o.filters)
+        self._rules = kernels.TrackRules(
+            o.confirm_hits,
+            o.confirm_scans,
+            o.coast_s,
+            o.nearest_m,
+            o.furthest_m,
+            o.fastest_mps,
+            classification.rules(o.classes),
+        )
 
     def init(self, n: int) -> TrackerState:
         """n vehicles without tracks."""
@@ -99,9 +110,8 @@ class Tracker:
         none = Tracks(*(nobody,) * 5, unseen_s=np.zeros(0), confirmed=np.zeros(0, np.bool_), restarts=nobody)
         nothing = Detections(nobody, np.zeros(0), np.zeros(0), np.zeros(0), nobody)
         still = SensorMotion(*(np.zeros(n) for _ in SensorMotion._fields))
-        return TrackerState(
-            none, self._filter.start(nothing, still), classification.init(0), np.zeros(n, np.int64)
-        )
+        no_state = self._filter.start(nothing, still)
+        return TrackerState(none, classification.init(0), no_state, nobody, np.zeros(n, np.int64))
 
     def reindex(self, state: TrackerState, rows: Array) -> TrackerState:
         """The state for a changed fleet: its vehicle i is the old row rows[i], or a new one where that is -1.
@@ -132,67 +142,75 @@ class Tracker:
 
         Raises ValueError where a detection or a time step is not a number, or a time step is negative.
         """
-        options, n = self.options, len(state.next_id)
+        options, filter_, n = self.options, self._filter, len(state.next_id)
         dt = np.empty(n)  # of its own: one variant of the kernels
         dt[:] = dt_s
-        _check(detections, dt)
+        fit, by_owner, gap = kernels.examine(detections, dt, options.coast_s)
+        if not fit:
+            _check(detections, dt)
+        order = np.arange(len(detections.owner))
+        if not by_owner:
+            order = np.argsort(detections.owner, kind="stable")
+            detections = select(detections, order)
         sensor = sensor_motion(ego, options.filters.mount_forward_m)
-        order = np.argsort(detections.owner, kind="stable")
-        sorted_detections = select(detections, order)
-
-        if n and dt.max() > options.coast_s:
-            state = _kept(state, dt[state.tracks.owner] <= options.coast_s)
-        state = state._replace(filter=self._filter.predict(state.filter, state.tracks.owner, dt, sensor))
-        lost = self._filter.lost(state.filter)
+        if gap:
+            state = _select(state, np.flatnonzero(dt[state.tracks.owner] <= options.coast_s))
+        owner, room = state.tracks.owner, len(order)
+        predicted, lost = filter_.predict(state.filter, state.rows, owner, dt, sensor, room)
+        state = state._replace(filter=predicted)
         if lost.any():
             state = self._restart(state, lost)
-        chosen, double, z, state = self._associate(state, sorted_detections, sensor)
-        seen = chosen >= 0
-        given = z[chosen] if len(z) else np.zeros((len(chosen), 3))
-        owner = state.tracks.owner
-        state = state._replace(filter=self._filter.update(state.filter, given, seen, owner, sensor))
-        tracks = self._age(state.tracks, seen, dt)
-        estimate = self._filter.estimate(state.filter, owner, sensor)
-        alive = self._alive(tracks, estimate)
-        free = ~double
-        free[chosen[seen]] = False
-        if (tracks.label >= 0).any():  # a target may have jumped away from its track
-            alive &= seen | ~_named(tracks, sorted_detections, free)
-        state, begun = state._replace(tracks=tracks), np.flatnonzero(free)
-        if len(begun):  # the dead leave and the new take their places in one go: covariances are large
-            state, rows = self._begin(state, alive, select(sorted_detections, begun), sensor)
-            chosen = np.concatenate([chosen, begun])[rows]
-        else:
-            state, chosen = _kept(state, alive), chosen[alive]
-        return self._classify(state, chosen, order, ego, sensor)
+        chosen, free, z, state = self._associate(state, detections, sensor)
+        after = filter_.update(state.filter, z, chosen, owner, sensor)
+        begun = select(detections, free)
+        if len(free):
+            after = filter_.join(after, len(owner), filter_.start(begun, sensor))
+            owner = np.concatenate([owner, begun.owner])
+        moving = classification.moving_threshold(options.classes, ego.speed_mps, ego.acceleration_mps2)
+        tracks, classes, next_id, detection, estimates, rows = kernels.settle(
+            state.tracks,
+            state.classes,
+            state.next_id,
+            chosen,
+            begun,
+            free,
+            order,
+            filter_.estimate(after, owner, sensor),
+            dt,
+            moving,
+            self._rules,
+        )
+        state = TrackerState(Tracks(*tracks), ClassState(*classes), after, rows, next_id)
+        return state, _listed(state, detection, Estimate(*estimates))
 
     def _associate(
         self, state: TrackerState, detections: Detections, sensor: SensorMotion
     ) -> tuple[Array, Array, Array, TrackerState]:
-        """Detection of each track or -1, which detections may not begin a track, z, and the state."""
+        """Detection of each track or -1, the detections that begin tracks, z, and the state."""
         options, tracks = self.options, state.tracks
-        expected, S = self._filter.expect(state.filter, tracks.owner, sensor)
-        lost = ~definite(S)
-        if lost.any():
-            state = self._restart(state, lost)
-            expected, S = self._filter.expect(state.filter, tracks.owner, sensor)
         z = self._filter.measure(detections)
-        track, detection, distance = gate_pairs(
-            expected,
-            S,
-            tracks.label,
-            tracks.owner,
-            z,
-            detections.label,
-            detections.owner,
-            self._filter.angle,
-            options.gate,
-            options.label_gate,
-        )
+        while True:
+            expected, S = self._filter.expect(state.filter, tracks.owner, sensor)
+            track, detection, distance, lost = gate_pairs(
+                expected,
+                S,
+                tracks.label,
+                tracks.owner,
+                z,
+                detections.label,
+                detections.owner,
+                self._filter.angle,
+                options.gate,
+                options.label_gate,
+            )
+            if not lost.any():
+                break
+            state = self._restart(state, lost)
+            tracks = state.tracks
         gate = np.where(tracks.label < 0, options.gate, options.label_gate)
         cost = gate * np.where(tracks.confirmed, 2.0, 1.0)  # a confirmed track has the first choice
         chosen = assign(track, detection, distance, len(z), cost)
-        return chosen, suppressed(track, detection, chosen, tracks.confirmed, len(z)), z, state
+        return chosen, unclaimed(track, detection, chosen, tracks.confirmed, len(z)), z, state
 
     def _restart(self, state: TrackerState, lost: Array) -> TrackerState:
         tracks = state.tracks
@@ -201,94 +219,27 @@ class Tracker:
             tracks=tracks._replace(restarts=tracks.restarts + lost),
         )
 
-    def _age(self, tracks: Tracks, seen: Array, dt: Array) -> Tracks:
-        window = (1 << self.options.confirm_scans) - 1
-        history = ((tracks.history << 1) | seen) & window
-        hits = np.bitwise_count(history)
-        return tracks._replace(
-            age=tracks.age + 1,
-            history=history,
-            unseen_s=np.where(seen, 0.0, tracks.unseen_s + dt[tracks.owner]),
-            confirmed=tracks.confirmed | (hits >= self.options.confirm_hits),
-        )
 
-    def _alive(self, tracks: Tracks, estimate: Estimate) -> Array:
-        options = self.options
-        hits = np.bitwise_count(tracks.history)
-        chances = np.maximum(options.confirm_scans - tracks.age, 0)
-        hopeful = tracks.confirmed | (hits + chances >= options.confirm_hits)
-        speed = np.abs(estimate.vx_mps) + np.abs(estimate.vy_mps)  # NaN fails every test below
-        coasting = tracks.unseen_s <= options.coast_s + 1e-9
-        near = (estimate.range_m > options.nearest_m) & (estimate.range_m < options.furthest_m)
-        return hopeful & coasting & near & (speed < options.fastest_mps)
-
-    def _begin(
-        self, state: TrackerState, alive: Array, detections: Detections, sensor: SensorMotion
-    ) -> tuple[TrackerState, Array]:
-        """The state with the tracks that are `alive` and new ones, and their rows, the new ones' counted on.
-
-        A new track with a given target is confirmed at once, its association being certain.
-        """
-        count = len(detections.owner)
-        owner = detections.owner  # sorted: number the new tracks within each vehicle
-        within = np.arange(count) - np.searchsorted(owner, owner)
-        ones, zeros = np.ones(count, np.int64), np.zeros(count, np.int64)
-        confirmed = (detections.label >= 0) | (self.options.confirm_hits == 1)
-        new = Tracks(
-            owner,
-            state.next_id[owner] + within,
-            detections.label,
-            ones,
-            ones,
-            np.zeros(count),
-            confirmed,
-            zeros,
-        )
-        rows = np.concatenate([np.flatnonzero(alive), len(alive) + np.arange(count)])
-        owners = np.concatenate([state.tracks.owner, owner])
-        rows = rows[np.argsort(owners[rows], kind="stable")]
-        return TrackerState(
-            select_joined(state.tracks, new, rows),
-            select_joined(state.filter, self._filter.start(detections, sensor), rows),
-            select_joined(state.classes, classification.init(count), rows),
-            state.next_id + np.bincount(owner, minlength=len(state.next_id)),
-        ), rows
-
-    def _classify(
-        self, state: TrackerState, chosen: Array, order: Array, ego: EgoMotion, sensor: SensorMotion
-    ) -> tuple[TrackerState, TrackList]:
-        tracks = state.tracks
-        estimate = self._filter.estimate(state.filter, tracks.owner, sensor)
-        threshold = classification.moving_threshold(
-            self.options.classes, ego.speed_mps, ego.acceleration_mps2
-        )[tracks.owner]
-        classes = classification.step(
-            state.classes, estimate.vx_mps, chosen >= 0, threshold, self.options.classes
-        )
-        detection = np.full(len(chosen), NONE, np.int64)
-        detection[chosen >= 0] = order[chosen[chosen >= 0]]
-        return state._replace(classes=classes), TrackList(
-            tracks.owner,
-            tracks.track_id,
-            tracks.label,
-            tracks.confirmed,
-            detection,
-            classes.state,
-            tracks.restarts,
-            estimate,
-        )
+def _listed(state: TrackerState, detection: Array, estimate: Estimate) -> TrackList:
+    tracks = state.tracks
+    return TrackList(
+        tracks.owner,
+        tracks.track_id,
+        tracks.label,
+        tracks.confirmed,
+        detection,
+        state.classes.state,
+        tracks.restarts,
+        estimate,
+    )
 
 
 def _select(state: TrackerState, index: Array) -> TrackerState:
     return state._replace(
         tracks=select(state.tracks, index),
-        filter=select(state.filter, index),
         classes=select(state.classes, index),
+        rows=state.rows[index],
     )
-
-
-def _kept(state: TrackerState, mask: Array) -> TrackerState:
-    return state if mask.all() else _select(state, np.flatnonzero(mask))
 
 
 def _check(detections: Detections, dt: Array) -> None:
@@ -299,14 +250,3 @@ def _check(detections: Detections, dt: Array) -> None:
             raise ValueError(f"{name}[{row}] = {getattr(detections, name)[row]}: must be a finite number")
     if not (dt >= 0.0).all():
         raise ValueError(f"dt_s = {dt[~(dt >= 0.0)][0]}: must be 0 or more")
-
-
-def _named(tracks: Tracks, detections: Detections, free: Array) -> Array:
-    """Whether a free detection bears the track's own label (T,)."""
-    named = np.zeros(len(tracks.owner), np.bool_)
-    labelled = free & (detections.label >= 0)
-    if labelled.any():
-        given = np.stack([detections.owner[labelled], detections.label[labelled]], axis=1)
-        own = np.stack([tracks.owner, tracks.label], axis=1)
-        named = (own[:, None] == given[None]).all(axis=2).any(axis=1)
-    return named

@@ -29,7 +29,7 @@ def fleet(rng: np.random.Generator, vehicles: int, crowd: float) -> tuple:
 def pairs(track_owner, owner, z_pred, S, z, label=None, track_label=None, angle=NO_ANGLE):  # type: ignore[no-untyped-def]
     none = np.full(len(z_pred), -1) if track_label is None else track_label
     label = np.full(len(z), -1) if label is None else label
-    return gate_pairs(z_pred, S, none, track_owner, z, label, owner, angle, GATE, 100.0)
+    return gate_pairs(z_pred, S, none, track_owner, z, label, owner, angle, GATE, 100.0)[:3]
 
 
 @given(seed=st.integers(0, 2**32 - 1), crowd=st.sampled_from([3.0, 10.0, 40.0]))

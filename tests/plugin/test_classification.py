@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from plugin.tracking import classification as c
 from plugin.tracking.classification import ClassSettings
+from plugin.tracking.classification_kernels import advance
 
 PLAIN = ClassSettings(minimum_speed_mps=1.5, k1=0.0, k2_s=0.0)
 
@@ -17,7 +18,7 @@ def run(speeds: list[float], measured: list[bool] | None = None, options: ClassS
     states = []
     for v, m in zip(speeds, seen, strict=True):
         threshold = c.moving_threshold(options, np.zeros(1), np.zeros(1))
-        state = c.step(state, np.array([v]), np.array([m]), threshold, options)
+        advance(*state, np.array([v]), np.array([m]), threshold, c.rules(options))
         states.append(int(state.state[0]))
     return states
 
@@ -92,8 +93,8 @@ def test_no_illegal_transition_ever(seed: int, cycles: tuple[int, int, int], min
         jump = rng.random(tracks) < 0.3
         speed = np.where(jump, rng.choice([-20, -3.0, -1, 0, 0.4, 1.5, 3, 20, np.nan, np.inf], tracks), speed)
         threshold = c.moving_threshold(options, rng.uniform(0, 40, tracks), rng.uniform(-9, 3, tracks))
-        before = state.state
-        state = c.step(state, speed, rng.random(tracks) < 0.8, threshold, options)
+        before = state.state.copy()
+        advance(*state, speed, rng.random(tracks) < 0.8, threshold, c.rules(options))
         since += 1
         for t in np.flatnonzero(before != state.state):
             change = (int(before[t]), int(state.state[t]))

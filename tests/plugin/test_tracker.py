@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from radar_scene import Scan, Scene
 
 from plugin.tracking import classification
-from plugin.tracking.detections import Detections, at_rest, sensor_motion
+from plugin.tracking.detections import Detections, Estimate, at_rest, sensor_motion
 from plugin.tracking.filters import FILTERS, FilterSettings, make
 from plugin.tracking.tracker import Tracker, TrackerSettings
 from sumo_net.batch import select
@@ -100,8 +100,9 @@ def test_a_filter_alone_predicts_a_passing_post_to_centimetres(name: str) -> Non
     chosen, owner = make(name, FilterSettings()), np.zeros(1, np.int64)
     state = chosen.start(scans[0].detections, sensor_motion(scans[0].ego, 0.0))
     for scan in scans[1:]:
-        state = chosen.predict(state, owner, np.full(1, scan.dt), sensor_motion(scan.ego, 0.0))
-    estimate = chosen.estimate(state, owner, sensor_motion(scans[-1].ego, 0.0))
+        sensor = sensor_motion(scan.ego, 0.0)
+        state, _ = chosen.predict(state, owner, owner, np.full(1, scan.dt), sensor, 0)
+    estimate = Estimate(*chosen.estimate(state, owner, sensor))
     # The start takes the unknown lateral speed as none in the axes of then, which is true of a post.
     np.testing.assert_allclose(estimate.range_m, scans[-1].polar[0, :, 0], atol=0.05)
     np.testing.assert_allclose(estimate.azimuth_rad, scans[-1].polar[0, :, 2], atol=0.004)
