@@ -203,9 +203,8 @@ class DriverAssistance:
         moment = next(one for one in latest.moments if handle in one.handle)
         row = int(np.searchsorted(moment.handle, handle))
         seen = select(capture.look(self._chain.vision, moment, np.array([row])), 0)
-        tracks = self._rear_end.track_rows(self._rear_end.latest_of(handle))
-        tracks["time_s"] = np.full(len(tracks["track_id"]), latest.time_s)
-        return seen, self._scorer.now(latest.columns, int(np.searchsorted(latest.handle, handle))), tracks
+        known = self._scorer.now(latest.columns, int(np.searchsorted(latest.handle, handle)))
+        return seen, known, self._rear_end.latest_of(handle)
 
     def close(self) -> None:
         """Score and write what is left; safe to call twice. The simulation goes on."""

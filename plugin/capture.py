@@ -108,9 +108,7 @@ class Capture:
             if film is None:
                 film = self._films[name] = _Film(self._watch.directory, name, self._run_id, self._about)
             film.add(time_s, select(seen, k))
-            tracks = rear_end.latest_of(int(now.handle[row]))
-            times = np.full(len(tracks["track_id"]), time_s)
-            film.tracks.append("tracks", rear_end.track_rows(tracks) | {"time_s": times})
+            film.tracks.append("tracks", rear_end.latest_of(int(now.handle[row])))
 
     def settle(self) -> None:
         """Write what is in memory."""

@@ -10,7 +10,7 @@ from plugin.conflicts import ConflictBook, LaneOrder, Leaders, in_view, path_lea
 from plugin.ranging import Echo
 from plugin.record import Recorder
 from plugin.schema import TABLES
-from plugin.track_truth import TrackTruth
+from plugin.track_truth import Rows, Step, TrackTruth
 from plugin.warning.collision import BUZZER, CODES
 from sumo_net.batch import join
 from sumo_net.ego import EgoTruth
@@ -36,10 +36,10 @@ class RearEndScorer:
         self._order = LaneOrder(roads.graph, traffic.lane_ids, traffic.route_ahead)
         self._book = ConflictBook(configuration.conflicts)
         self._tracks = TrackTruth(configuration.tracker.classes, traffic.vehicle_id)
-        self._pending: list[dict[str, Array]] = []  # rows of `tracks`
+        self._pending: list[tuple[float, Rows]] = []  # of `tracks`, and when
         self._recording = configuration.recording
         self._scans = 0
-        self._latest: tuple[dict[str, Array], Array] = {}, np.zeros(0, bool)  # tracks of the last step, shown
+        self._latest: tuple[float, list[Step]] = np.nan, []
         self.conflicts = 0
         self.warnings = 0  # of the reminder level
 
@@ -53,15 +53,13 @@ class RearEndScorer:
         self._book.add(
             time, truth.handle, leader, by_place, visible, truth.speed_mps, warning.level, warning.ttc_s
         )
-        tracks = self._tracks.step(parts)
-        shown = np.concatenate([echo.tracks.confirmed for _, echo in parts])
-        self._latest = tracks, shown
+        steps = self._tracks.step(parts)
+        self._latest = time, steps
         if self._recording.tracks:
-            if self._scans % self._recording.roadside_every:
-                shown = shown & (tracks["target"] >= 0)
-            kept = np.flatnonzero(shown)
-            rows = {name: part[kept] for name, part in tracks.items()}
-            self._pending.append(rows | {"time_s": np.full(len(rows["handle"]), time)})
+            everything = self._scans % self._recording.roadside_every == 0
+            for step in steps:
+                shown = step.tracks.confirmed
+                self._pending.append((time, step.of(shown if everything else shown & (step.target >= 0))))
         self._scans += 1
         return {
             "fcw_state": warning.code,
@@ -97,22 +95,19 @@ class RearEndScorer:
         by_place = join(*found)
         return by_place, np.concatenate(seen) & (by_place.handle == leader.handle)
 
-    def latest_of(self, handle: int) -> dict[str, Array]:
-        """All confirmed tracks of a vehicle after the last step, also those that are not recorded."""
-        tracks, shown = self._latest
-        own = (tracks["handle"] == handle) & shown
-        return {name: part[own] for name, part in tracks.items()}
-
-    def track_rows(self, tracks: dict[str, Array]) -> dict[str, Any]:
-        """Such tracks as the table `tracks` has them."""
-        return self._tracks.texts(tracks)
+    def latest_of(self, handle: int) -> dict[str, Any]:
+        """Rows of `tracks` of a vehicle in the last step, also of tracks that are not recorded."""
+        time, steps = self._latest
+        step = next(one for one in steps if handle in one.handle)
+        own = (step.handle[step.tracks.owner] == handle) & step.tracks.confirmed
+        return self._tracks.table([time], [step.of(own)])
 
     def settle(self, until_s: float, final: bool = False) -> None:
         """Write the tracks so far, and the conflicts and warnings that are decided by `until_s`."""
         if self._pending:
-            steps, self._pending = self._pending, []
-            columns = {name: np.concatenate([step[name] for step in steps]) for name in steps[0]}
-            self._recorder.append("tracks", self._tracks.texts(columns))
+            times, steps = zip(*self._pending, strict=True)
+            self._pending = []
+            self._recorder.append("tracks", self._tracks.table(times, steps))
         conflicts, warnings = self._book.settle(until_s, final)
         self.conflicts += len(conflicts)
         self.warnings += sum(row["level"] == "reminder" for row in warnings)

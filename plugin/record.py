@@ -15,6 +15,7 @@ import pyarrow.csv
 import pyarrow.parquet
 from pydantic import Field
 
+from plugin import record_kernels as kernels
 from plugin.schema import TABLES, Column
 from sumo_net.settings import settings
 
@@ -258,8 +259,10 @@ def arrow_schema(columns: tuple[Column, ...]) -> pa.Schema:
 
 def _to_array(column: Column, values: Any) -> pa.Array:
     if column.kind == "float":
-        rounded = np.round(np.asarray(values, dtype=np.float64), column.decimals) + 0.0  # no "-0"
-        return pa.array(rounded, mask=~np.isfinite(rounded))
+        values = np.ascontiguousarray(values, np.float64)
+        numbers, known, missing = kernels.rounded(values, 10.0**column.decimals)
+        buffers = [pa.py_buffer(known), pa.py_buffer(numbers)]
+        return pa.Array.from_buffers(pa.float64(), len(numbers), buffers, missing)
     if isinstance(values, pa.Array):
         return values
     if isinstance(values, np.ma.MaskedArray):

@@ -6,16 +6,46 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from plugin import step_columns
+from plugin import track_truth_kernels as kernels
 from plugin.ranging import Echo
-from plugin.track_truth_kernels import NOTHING, follow
+from plugin.track_truth_kernels import NOTHING
 from plugin.tracking import classification
 from plugin.tracking.classification import ClassSettings
-from plugin.truth import labelled
-from sumo_net import batch
+from plugin.tracking.detections import Estimate
+from plugin.tracking.tracker import TrackList
+from plugin.truth import labelled, named
+from sumo_net.batch import join
 from sumo_net.ego import EgoTruth
 
 Array = np.ndarray[Any, Any]
+
+
+NUMBERS = (
+    *Estimate._fields,
+    "true_range_m",
+    "true_range_rate_mps",
+    "true_azimuth_rad",
+    "true_vx_mps",
+    "true_vy_mps",
+    "ttc_s",
+)
+CODES = (
+    "handle",
+    "target",
+    "track_id",
+    "restarts",
+    "measured",
+    "in_path",
+    "motion_state",
+    "true_motion_state",
+)
+
+
+class Rows(NamedTuple):
+    """K rows of the table `tracks`, without time; in place of text there are codes."""
+
+    numbers: Array  # (16, K), NUMBERS
+    codes: Array  # (8, K) int64, CODES
 
 
 class Followed(NamedTuple):
@@ -24,6 +54,21 @@ class Followed(NamedTuple):
     key: Array  # int64, vehicle and track
     target: Array  # int64, handle of the body that was detected last
     true_class: Array  # int8, index into classification.NAMES
+
+
+class Step(NamedTuple):
+    """One scan's tracks with what is true of them, (T,) each."""
+
+    handle: Array  # (n,) of the vehicles
+    tracks: TrackList
+    inside: Array  # bool: in path
+    target: Array  # int64, handle of the body that was detected last
+    shown: Array  # int8, the class it should have, -1 where nothing is known
+    floats: Array  # (6, T), as `track_truth_kernels.follow` gives them
+
+    def of(self, chosen: Array) -> Rows:
+        """The rows of the table `tracks` of the chosen tracks (T,)."""
+        return Rows(*kernels.rows(*self, chosen))
 
 
 class TrackTruth:
@@ -38,56 +83,40 @@ class TrackTruth:
         self._options, self._name = options, name
         self._before = Followed(*(np.zeros(0, np.int64),) * 2, true_class=np.zeros(0, np.int8))
 
-    def step(self, parts: Sequence[tuple[EgoTruth, Echo]]) -> dict[str, Array]:
-        """All tracks' columns of the table `tracks`, without time; `texts` makes the last ones.
+    def step(self, parts: Sequence[tuple[EgoTruth, Echo]]) -> list[Step]:
+        """What is true of all tracks after a scan of the fleet, part by part, in the order of handles."""
+        followed, steps = zip(*(self._follow(truth, echo) for truth, echo in parts), strict=True)
+        self._before = join(*followed)
+        return list(steps)
 
-        The fleet comes in parts, one vehicle's handle after the other. In place of text there are codes:
-        `handle` of the vehicle, `target` and the classes.
-        """
-        followed, columns = zip(*(self._follow(truth, echo) for truth, echo in parts), strict=True)
-        self._before = batch.join(*followed)
-        return step_columns.join(*columns)
-
-    def _follow(self, truth: EgoTruth, echo: Echo) -> tuple[Followed, dict[str, Array]]:
+    def _follow(self, truth: EgoTruth, echo: Echo) -> tuple[Followed, Step]:
         tracks, o = echo.tracks, self._options
         threshold = classification.moving_threshold(o, truth.speed_mps, truth.acceleration_mps2)
-        key, target, true_class, shown, floats = follow(
+        key, target, true_class, shown, floats = kernels.follow(
             truth.handle, tracks, echo.place, echo.behind, echo.objects, self._before, threshold,
             o.oncoming_speed_mps, o.near_zero_mps,
         )  # fmt: skip
-        true_range, true_rate, true_azimuth, vx, vy, ttc = floats
-        return Followed(key, target, true_class), tracks.estimate._asdict() | {
-            "handle": truth.handle[tracks.owner],
-            "target": target,
-            "track_id": tracks.track_id,
-            "measured": tracks.detection >= 0,
-            "motion_state": tracks.motion_state,
-            "in_path": echo.in_path.inside,
-            "ttc_s": ttc,
-            "restarts": tracks.restarts,
-            "true_range_m": true_range,
-            "true_range_rate_mps": true_rate,
-            "true_azimuth_rad": true_azimuth,
-            "true_vx_mps": vx,
-            "true_vy_mps": vy,
-            "true_motion_state": shown,
-        }
+        step = Step(truth.handle, tracks, echo.in_path.inside, target, shown, floats)
+        return Followed(key, target, true_class), step
 
-    def texts(self, columns: dict[str, Array]) -> dict[str, Any]:
-        """Columns of any number of steps as the table has them."""
-        out: dict[str, Any] = dict(columns)
+    def table(self, time_s: Sequence[float], steps: Sequence[Rows]) -> dict[str, Any]:
+        """Columns of the table `tracks` of some steps' rows."""
+        out: dict[str, Any] = {}
+        for name, *parts in zip(NUMBERS, *(rows.numbers for rows in steps), strict=True):
+            out[name] = np.concatenate(parts)
+        for name, *parts in zip(CODES, *(rows.codes for rows in steps), strict=True):
+            out[name] = np.concatenate(parts)
+        out["time_s"] = np.repeat(time_s, [rows.codes.shape[1] for rows in steps])
         out["vehicle_id"] = self._ids(out.pop("handle"))
         out["target_id"] = self._ids(out.pop("target"))
+        for name in ("measured", "in_path"):
+            out[name] = out[name] != 0
         for name in ("motion_state", "true_motion_state"):
-            out[name] = labelled(columns[name], classification.NAMES)
+            out[name] = labelled(out[name], classification.NAMES)
         return out
 
     def _ids(self, handles: Array) -> pa.Array:
-        unique, index = np.unique(handles, return_inverse=True)
-        names = [self._id(handle) for handle in unique.tolist()]
-        return pa.DictionaryArray.from_arrays(
-            pa.array(index.astype(np.int32)), pa.array(names, type=pa.string())
-        ).dictionary_decode()
+        return named(handles, self._id)
 
     def _id(self, handle: int) -> str | None:
         if handle == NOTHING:

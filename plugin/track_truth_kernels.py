@@ -76,3 +76,31 @@ def follow(handle, tracks, place, behind, objects, before, moving, oncoming, nea
         closing = -tracks.estimate.range_rate_mps[t]
         floats[5, t] = tracks.estimate.range_m[t] / max(closing, 1e-9) if closing > 0.0 else math.nan
     return key, target, true_class, shown, floats
+
+
+@kernel
+def rows(handle, tracks, inside, target, shown, floats, chosen):  # type: ignore[no-untyped-def]
+    """The `chosen` (T,) tracks' rows of the table `tracks`: numbers (16, K) and codes (8, K) int64.
+
+    The first are an Estimate and the floats of `follow`, in this order; the second handle, target, track_id,
+    restarts, measured, in_path (inside), motion_state and true_motion_state (shown).
+    """
+    count = 0
+    for t in range(len(chosen)):
+        count += chosen[t]
+    numbers, codes = np.empty((16, count)), np.empty((8, count), np.int64)
+    k, e = 0, tracks.estimate
+    for t in range(len(chosen)):
+        if not chosen[t]:
+            continue
+        numbers[0, k], numbers[1, k], numbers[2, k] = e.range_m[t], e.range_rate_mps[t], e.azimuth_rad[t]
+        numbers[3, k], numbers[4, k], numbers[5, k] = e.x_m[t], e.y_m[t], e.vx_mps[t]
+        numbers[6, k], numbers[7, k], numbers[8, k] = e.vy_mps[t], e.ax_mps2[t], e.ay_mps2[t]
+        numbers[9, k] = e.probability_cv[t]
+        for part in range(6):
+            numbers[10 + part, k] = floats[part, t]
+        codes[0, k], codes[1, k], codes[2, k] = handle[tracks.owner[t]], target[t], tracks.track_id[t]
+        codes[3, k], codes[4, k], codes[5, k] = tracks.restarts[t], tracks.detection[t] >= 0, inside[t]
+        codes[6, k], codes[7, k] = tracks.motion_state[t], shown[t]
+        k += 1
+    return numbers, codes

@@ -4,7 +4,7 @@ A step's truth lies in its future, so steps wait in a buffer until the look-ahea
 then turns them into rows, for all vehicles at once.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -275,9 +275,19 @@ class Scorer:
         self._recorder.append(table, columns)
 
     def _vehicle_ids(self, handles: Array) -> pa.Array:
-        unique, index = np.unique(handles, return_inverse=True)
-        names = pa.array([self._names[handle] for handle in unique.tolist()], type=pa.string())
-        return pa.DictionaryArray.from_arrays(pa.array(index.astype(np.int32)), names).dictionary_decode()
+        return named(handles, self._names.__getitem__)
+
+
+def named(handles: Array, name: Callable[[int], str | None]) -> pa.Array:
+    """The names of handles (N,), null where there is none."""
+    if not len(handles):
+        return pa.array([], type=pa.string())
+    least = int(handles.min())
+    there = np.zeros(int(handles.max()) - least + 1, np.bool_)  # not sorted: handles are numbered through
+    there[handles - least] = True
+    index = np.cumsum(there, dtype=np.int32) - 1
+    names = pa.array([name(one + least) for one in np.flatnonzero(there).tolist()], type=pa.string())
+    return pa.DictionaryArray.from_arrays(pa.array(index[handles - least]), names).dictionary_decode()
 
 
 def labelled(codes: Array, labels: Sequence[str]) -> pa.Array:
