@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from plugin.motion.estimate import MotionEstimate
-from plugin.tracking import classification
 from plugin.tracking.tracker import TrackList
 from plugin.warning import collision_kernels as kernels
 from plugin.warning import safe_distance
@@ -155,8 +154,8 @@ def targets_from(tracks: TrackList, unseen_s: Array, latest_s: float = 0.25) -> 
     Left out are tracks that are tentative, oncoming (or were so before they stopped), or not detected for
     longer than `latest_s`: those of vehicles just passed drift into the path while they coast.
     """
-    state, e = tracks.motion_state, tracks.estimate
-    oncoming = (state == classification.ONCOMING) | (state == classification.STOPPED_ONCOMING)
+    e = tracks.estimate
+    kinds = kernels.kinds(tracks.motion_state, tracks.detection, tracks.confirmed, unseen_s, latest_s)
     return Targets(
         tracks.owner,
         tracks.track_id,
@@ -165,9 +164,7 @@ def targets_from(tracks: TrackList, unseen_s: Array, latest_s: float = 0.25) -> 
         e.vx_mps,
         e.vy_mps,
         e.ax_mps2,
-        tracks.detection >= 0,
-        tracks.confirmed & ~oncoming & (unseen_s <= latest_s),
-        (state == classification.STATIONARY) | (state == classification.UNCLASSIFIED),
+        *kinds,
     )
 
 
@@ -255,15 +252,9 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
 
 def init(n: int) -> CollisionState:
     """n vehicles without a warning."""
-    return CollisionState(
-        np.zeros(n, bool),
-        np.zeros(n, np.int8),
-        np.full(n, np.inf),
-        np.full(n, np.inf),
-        np.zeros(n, np.int64),
-        np.zeros(n, np.int64),
-        np.full((n, REMEMBERED), kernels.NONE, np.int64),
-    )
+    inside = np.full((n, REMEMBERED), kernels.NONE, np.int64)
+    since, hits = np.full((2, n), np.inf), np.zeros((2, n), np.int64)
+    return CollisionState(np.zeros(n, bool), np.zeros(n, np.int8), *since, *hits, inside)
 
 
 def step(
@@ -280,12 +271,21 @@ def step(
     motion : from the camera chain, NaN while the lane is lost. speed, acceleration and yaw rate (n,) are the
     vehicle's own sensors'.
     """
-    path, warn = numbers(options)
     n, tracks = len(speed_mps), len(targets.owner)
     new, out = init(n), _blank(n)
-    found = InPath(np.zeros(tracks, bool), np.full(tracks, np.nan))
-    kernels.in_path(targets, motion, speed_mps, yaw_rate_rps, path, state.inside, new.inside, *found)
-    kernels.step(state, targets, found.inside, speed_mps, acceleration_mps2, warn, new, out)
+    found = InPath(np.empty(tracks, bool), np.empty(tracks))
+    kernels.warn(
+        state,
+        targets,
+        motion,
+        speed_mps,
+        acceleration_mps2,
+        yaw_rate_rps,
+        *numbers(options),
+        new,
+        out,
+        *found,
+    )
     return new, out, found
 
 
@@ -294,26 +294,12 @@ def time_by_tracks(tracks: TrackList, row: Array, speed_mps: Array, options: Col
 
     NaN where there is none, inf where the gap opens. speed_mps (n,).
     """
-    out = np.full(len(row), np.nan)
-    there = np.flatnonzero(row >= 0)
-    gap = np.maximum(tracks.estimate.x_m[row[there]] - options.bumper_m, 0.0)
-    closing = np.maximum(speed_mps[there], 0.0) - np.maximum(tracks.estimate.vx_mps[row[there]], 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        out[there] = np.where(closing > 0.0, gap / closing, np.inf)
+    e = tracks.estimate
+    out: Array = kernels.time_to(e.x_m, e.vx_mps, row, speed_mps, options.bumper_m)
     return out
 
 
 def _blank(n: int) -> CollisionWarning:
-    def of(kind: type, fill: float, count: int) -> list[Array]:
-        return [np.full(n, fill, kind) for _ in range(count)]
-
-    return CollisionWarning._make(
-        [
-            *of(np.int8, 0, 3),
-            *of(np.int64, kernels.NONE, 2),
-            *of(np.float64, np.nan, 6),
-            *of(np.bool_, 0, 2),
-            *of(np.int8, 0, 1),
-            *of(np.float64, np.nan, 2),
-        ]
-    )
+    codes, numbers, lamps = np.zeros((4, n), np.int8), np.empty((8, n)), np.zeros((2, n), np.bool_)
+    row, track_id = np.full((2, n), kernels.NONE, np.int64)
+    return CollisionWarning(*codes[:3], row, track_id, *numbers[:6], *lamps, codes[3], *numbers[6:])

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from plugin.tracking.classification_kernels import ONCOMING, STATIONARY, STOPPED_ONCOMING, UNCLASSIFIED
 from plugin.warning.safe_distance import SafeNumbers, safe_distances, time_to_collision
 from sumo_net.compile import kernel
 
@@ -72,6 +73,31 @@ def road_offset(x, y, offset, heading, curvature, rate, reach):  # type: ignore[
     beyond = max(station - reach, 0.0)
     swing = inside**3 / 6.0 + beyond * inside**2 / 2.0 + beyond**2 * inside / 2.0
     return d - rate * swing
+
+
+@kernel
+def kinds(motion_state, detection, confirmed, unseen, latest):  # type: ignore[no-untyped-def]
+    """Of tracks (T,): detected now; usable as a target, lately seen and not oncoming; never seen moving."""
+    tracks = len(detection)
+    detected, usable = np.empty(tracks, np.bool_), np.empty(tracks, np.bool_)
+    standing = np.empty(tracks, np.bool_)
+    for t in range(tracks):
+        state = motion_state[t]
+        detected[t] = detection[t] >= 0
+        usable[t] = confirmed[t] and unseen[t] <= latest and state not in (ONCOMING, STOPPED_ONCOMING)
+        standing[t] = state in (STATIONARY, UNCLASSIFIED)
+    return detected, usable, standing
+
+
+@kernel
+def time_to(x, vx, row, speed, bumper):  # type: ignore[no-untyped-def]
+    """Time to collision (n,) with the tracks `row` (n,), -1 for none; x, vx (T,) of all, speed (n,)."""
+    out = np.full(len(row), math.nan)
+    for i in range(len(row)):
+        if row[i] != NONE:
+            gap, closing = max(x[row[i]] - bumper, 0.0), max(speed[i], 0.0) - max(vx[row[i]], 0.0)
+            out[i] = gap / closing if closing > 0.0 else math.inf
+    return out
 
 
 @kernel
@@ -208,3 +234,10 @@ def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: igno
         out.buzzer[i] = ALARM if level == 2 else (CHIME if started == 1 and not suppressed else SILENT)
         out.shown_distance_m[i] = np.floor(out.gap_m[i] + 0.5)  # NaN stays NaN
         out.shown_relative_mps[i] = np.floor(out.relative_mps[i] + 0.5)
+
+
+@kernel
+def warn(state, tracks, motion, speed, acceleration, yaw_rate, path, c, new, out, inside, offset):  # type: ignore[no-untyped-def]
+    """`in_path`, then `step`: of n vehicles with tracks (Targets), by PathNumbers and CollisionNumbers."""
+    in_path(tracks, motion, speed, yaw_rate, path, state.inside, new.inside, inside, offset)
+    step(state, tracks, inside, speed, acceleration, c, new, out)
