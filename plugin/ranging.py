@@ -7,12 +7,12 @@ import numpy as np
 
 from camera_synth.camera import projection
 from ego_synth.sensors import Readings
+from plugin import ranging_kernels as kernels
 from plugin.configuration import Configuration
 from plugin.lane.hidden import Bodies
 from plugin.motion.estimate import MotionEstimate
-from plugin.tracking import classification
 from plugin.tracking.closing import ClosingFilter, ClosingState
-from plugin.tracking.detections import Detections, EgoMotion, Estimate, sensor_motion
+from plugin.tracking.detections import Detections, EgoMotion, sensor_motion
 from plugin.tracking.rear_view import RearView, Watched, watch
 from plugin.tracking.tracker import Tracker, TrackerSettings, TrackerState, TrackList
 from plugin.warning import collision
@@ -20,7 +20,7 @@ from plugin.warning.collision import Collision, CollisionState, CollisionWarning
 from radar_synth.radar import OwnMotion, ScanTruth, Sightings
 from radar_synth.scan import flatten, scan
 from radar_synth.visibility import objects_in_view
-from sumo_net.batch import join, select
+from sumo_net.batch import join
 from sumo_net.ego import EgoTruth
 from sumo_net.randomness import stream_key
 from sumo_net.road import RoadNetwork
@@ -171,11 +171,9 @@ class Ranging:
         self, tracks: TrackList, warning: CollisionWarning, ego: EgoMotion, rear: RearView
     ) -> Watched:
         """The targets' rears where they will be in the next frame."""
-        rows = np.flatnonzero(warning.row >= 0)
-        e = select(tracks.estimate, warning.row[rows])
-        x, y, next_x, next_y = (np.full(len(warning.row), np.nan) for _ in range(4))
-        x[rows], y[rows] = e.x_m, e.y_m
-        next_x[rows], next_y[rows] = _next_place(e, ego.speed_mps[rows], ego.yaw_rate_rps[rows])
+        x, y, next_x, next_y = kernels.rears(
+            tracks.estimate, warning.row, ego.speed_mps, ego.yaw_rate_rps, STEP_S
+        )
         turn = ego.yaw_rate_rps * STEP_S
         return watch(warning.track_id, (x, y), (next_x, next_y), rear, turn, self._projection)
 
@@ -185,24 +183,8 @@ def bodies_ahead(tracks: TrackList, unseen_s: Array, speed_mps: Array, yaw_rate_
 
     What was never seen moving is left out: posts and rails stand beside the road and hide none of it.
     """
-    unclassified = tracks.motion_state == classification.UNCLASSIFIED
-    moving = np.where(
-        unclassified,
-        np.abs(tracks.estimate.vx_mps) > _MOVING_MPS,
-        tracks.motion_state != classification.STATIONARY,
-    )
-    chosen = np.flatnonzero(tracks.confirmed & moving & (unseen_s <= _LATELY_S))
-    owner, e = tracks.owner[chosen], select(tracks.estimate, chosen)
-    return Bodies(owner, *_next_place(e, speed_mps[owner], yaw_rate_rps[owner]))
-
-
-def _next_place(e: Estimate, speed_mps: Array, yaw_rate_rps: Array) -> tuple[Array, Array]:
-    """(x, y) of tracks in the axes of the next step; speed and yaw rate (T,) of the vehicle of each."""
-    turn = yaw_rate_rps * STEP_S
-    return (
-        e.x_m + (e.vx_mps - speed_mps) * STEP_S + turn * e.y_m,
-        e.y_m + e.vy_mps * STEP_S - turn * e.x_m,
-    )
+    found = kernels.bodies(tracks, unseen_s, speed_mps, yaw_rate_rps, STEP_S, _LATELY_S, _MOVING_MPS)
+    return Bodies(*found)
 
 
 def mounted(tracker: TrackerSettings, forward_m: float) -> TrackerSettings:

@@ -196,3 +196,19 @@ def look_fleet(frames, watched, p, out):  # type: ignore[no-untyped-def]
         if math.isfinite(left):
             out.track_id[i] = watched.track_id[i]
             out.left_px[i], out.right_px[i] = left, right
+
+
+@kernel
+def moved_sides(track_id, x, next_x, view, shift, forward, center):  # type: ignore[no-untyped-def]
+    """Columns (2, n) at which the sides in `view` (RearView) are in the next frame; NaN for another's.
+
+    track_id (n,) : the bodies, -1 for none, at x, then next_x (n,) m; shift (n,) : of all columns by turning;
+    the camera is `forward` m ahead and its axis at column `center`.
+    """
+    out = np.full((2, len(track_id)), math.nan)
+    for i in range(len(track_id)):
+        if track_id[i] >= 0 and view.track_id[i] == track_id[i]:
+            ratio = (x[i] - forward) / max(next_x[i] - forward, 1.0)
+            out[0, i] = center + (view.left_px[i] - center) * ratio + shift[i]
+            out[1, i] = center + (view.right_px[i] - center) * ratio + shift[i]
+    return out

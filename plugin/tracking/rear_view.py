@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from camera_synth.camera import Projection
-from plugin.tracking.rear_kernels import look_fleet
+from plugin.tracking.rear_kernels import look_fleet, moved_sides
 
 Array = np.ndarray[Any, Any]
 
@@ -64,12 +64,6 @@ def watch(
 
     now_m, next_m : (x, y) of each body, (n,), in this frame and the next; turn_rad (n,) : yaw between both.
     """
-    ratio = (now_m[0] - projection.forward) / np.maximum(next_m[0] - projection.forward, 1.0)
     shift = projection.focal * np.tan(turn_rad)
-    same = (view.track_id == track_id) & (track_id != NOBODY)
-
-    def moved(column: Array) -> Array:
-        ahead = projection.center_x + (column - projection.center_x) * ratio + shift
-        return np.where(same, ahead, np.nan)
-
-    return Watched(track_id, next_m[0], next_m[1], moved(view.left_px), moved(view.right_px))
+    sides = moved_sides(track_id, now_m[0], next_m[0], view, shift, projection.forward, projection.center_x)
+    return Watched(track_id, *next_m, *sides)

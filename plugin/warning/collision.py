@@ -254,7 +254,7 @@ def init(n: int) -> CollisionState:
     """n vehicles without a warning."""
     inside = np.full((n, REMEMBERED), kernels.NONE, np.int64)
     since, hits = np.full((2, n), np.inf), np.zeros((2, n), np.int64)
-    return CollisionState(np.zeros(n, bool), np.zeros(n, np.int8), *since, *hits, inside)
+    return CollisionState._make([np.zeros(n, bool), np.zeros(n, np.int8), *since, *hits, inside])
 
 
 def step(
@@ -302,4 +302,4 @@ def time_by_tracks(tracks: TrackList, row: Array, speed_mps: Array, options: Col
 def _blank(n: int) -> CollisionWarning:
     codes, numbers, lamps = np.zeros((4, n), np.int8), np.empty((8, n)), np.zeros((2, n), np.bool_)
     row, track_id = np.full((2, n), kernels.NONE, np.int64)
-    return CollisionWarning(*codes[:3], row, track_id, *numbers[:6], *lamps, codes[3], *numbers[6:])
+    return CollisionWarning._make([*codes[:3], row, track_id, *numbers[:6], *lamps, codes[3], *numbers[6:]])
