@@ -33,13 +33,14 @@ def by_lane(lane, position, lanes):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lane_leaders(rows, snapshot, order, first, chain, lanes, ahead, reach, out):  # type: ignore[no-untyped-def]
+def lane_leaders(rows, snapshot, count, chain, lanes, ahead, reach, out):  # type: ignore[no-untyped-def]
     """The next vehicle ahead of each of the snapshot's `rows` (n,) on its lane or those that follow.
 
-    order : (N,) vehicles by lane, then by place; first : (lanes + 1,) where each lane begins in it.
-    chain (n,) rows of `lanes` (C, L) int32, lane numbers in driving order from the own one on, then -1, and
-    of `ahead` (C, L) m from the own lane's beginning to theirs. Into `out` (Leaders), which is empty before.
+    count : of lanes. chain (n,) rows of `lanes` (C, L) int32, lane numbers in driving order from the own one
+    on, then -1, and of `ahead` (C, L) m from the own lane's beginning to theirs. Into `out` (Leaders), which
+    is empty before.
     """
+    order, first = by_lane(snapshot.lane, snapshot.lane_position_m, count)
     place = np.empty(len(order), np.int64)
     for k in range(len(order)):
         place[order[k]] = k
@@ -66,6 +67,41 @@ def lane_leaders(rows, snapshot, order, first, chain, lanes, ahead, reach, out):
                 if closing > 0.0:
                     out.ttc_s[i] = max(gap, 0.0) / closing
             break
+
+
+@kernel
+def in_view(handle, share, target, least):  # type: ignore[no-untyped-def]
+    """Whether `target` (n,), -1 for none, is among `handle` (n, M) with a share (n, M) from `least` on."""
+    out = np.zeros(len(target), np.bool_)
+    for i in range(len(target)):
+        for m in range(handle.shape[1]):
+            if target[i] != -1 and handle[i, m] == target[i] and share[i, m] >= least:
+                out[i] = True
+    return out
+
+
+@kernel
+def _approached(leader, i, speed, closing, close):  # type: ignore[no-untyped-def]
+    return leader.closing_mps[i] > closing or leader.gap_m[i] < close * speed[i]
+
+
+@kernel
+def approaches(leader, in_path, speed, closing, close, ttc):  # type: ignore[no-untyped-def]
+    """Which vehicles (A,) approach `leader` or the one `in_path` (Leaders); which (B,) are in conflict.
+
+    Approaching: faster than `closing` m/s, or nearer than `close` s at the own speed (n,). In conflict: with
+    less than `ttc` s to `leader`.
+    """
+    n = len(speed)
+    approached, near, a, b = np.empty(n, np.int64), np.empty(n, np.int64), 0, 0
+    for i in range(n):
+        if _approached(leader, i, speed, closing, close) or _approached(in_path, i, speed, closing, close):
+            approached[a] = i
+            a += 1
+        if leader.ttc_s[i] < ttc:
+            near[b] = i
+            b += 1
+    return approached[:a], near[:b]
 
 
 @kernel

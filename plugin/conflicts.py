@@ -58,7 +58,9 @@ class Leaders(NamedTuple):
 
 def nobody(n: int) -> Leaders:
     """n vehicles with a free road."""
-    return Leaders(np.full(n, NOBODY, np.int64), np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.inf))
+    gap_m, closing_mps, ttc_s = np.full((3, n), np.nan)
+    ttc_s[:] = np.inf
+    return Leaders(np.full(n, NOBODY, np.int64), gap_m, closing_mps, ttc_s)
 
 
 class LaneOrder:
@@ -91,9 +93,8 @@ class LaneOrder:
         for i in np.flatnonzero(self._lane[handle] != lane).tolist():
             self._lane[handle[i]] = lane[i]
             self._row[handle[i]] = self._chain(int(lane[i]), int(handle[i])) if lane[i] >= 0 else -1
-        order, first = kernels.by_lane(snapshot.lane, snapshot.lane_position_m, len(self._names))
         kernels.lane_leaders(
-            rows, snapshot, order, first, self._row[handle], self._lanes, self._ahead, reach_m, out
+            rows, snapshot, len(self._names), self._row[handle], self._lanes, self._ahead, reach_m, out
         )
         return out
 
@@ -191,13 +192,11 @@ class ConflictBook:
         warning that is on; warned_ttc_s (n,) the estimated time to collision of its target.
         """
         s = self.settings
-        with np.errstate(invalid="ignore"):
-            near = leader.ttc_s < s.ttc_s
-            approach = self._approach(leader, speed_mps) | self._approach(in_path, speed_mps)
-        for one in handle[approach].tolist():
+        approached, near = kernels.approaches(leader, in_path, speed_mps, s.approach_mps, s.close_s, s.ttc_s)
+        for one in handle[approached].tolist():
             self._approached[one] = time_s
         self._follow_views(time_s, handle, leader.handle, visible)
-        for i in np.flatnonzero(near).tolist():
+        for i in near.tolist():
             self._conflict(time_s, int(handle[i]), leader, i)
         warned = np.flatnonzero(level > 0)
         on = set()
@@ -240,10 +239,6 @@ class ConflictBook:
         self._approached = {one: time for one, time in self._approached.items() if time > until_s - 60.0}
         self._ended = [w for w in self._ended if id(w) not in finished]
         return rows
-
-    def _approach(self, leader: Leaders, speed: Array) -> Array:
-        closing = leader.closing_mps > self.settings.approach_mps
-        return np.asarray(closing | (leader.gap_m < self.settings.close_s * speed))
 
     def _follow_views(self, time_s: float, handle: Array, leader: Array, visible: Array) -> None:
         now: dict[int, tuple[int, float]] = {}
@@ -315,9 +310,8 @@ class ConflictBook:
 
 def in_view(objects: Objects, share: Array, target: Array, least_share: float = 0.05) -> Array:
     """Whether the bodies `target` (n,) are in the radar's view; share (n, M) as in Sightings."""
-    with np.errstate(invalid="ignore"):
-        found = (objects.handle == target[:, None]) & (share >= least_share)
-    return np.asarray(found.any(axis=1) & (target != NOBODY))
+    out: Array = kernels.in_view(objects.handle, share, target, least_share)
+    return out
 
 
 def table_columns(

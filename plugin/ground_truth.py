@@ -1,5 +1,6 @@
 """What the truth would read like if the vehicle's own chain had found it: the scorer's reference."""
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,16 @@ Array = np.ndarray[Any, Any]
 
 def curvature_ahead(ahead: RoadAhead, distance_m: float) -> Array:
     """(n,) curvature of the path so far ahead of the centre of gravity; NaN where the path ends before."""
-    j = min(max(int(np.searchsorted(AHEAD_M, distance_m)), 1), len(AHEAD_M) - 1)
-    part = (distance_m - AHEAD_M[j - 1]) / (AHEAD_M[j] - AHEAD_M[j - 1])
+    j, part = _between(distance_m)
     before, after = ahead.curvature_1pm[:, j - 1], ahead.curvature_1pm[:, j]
     return np.asarray(before + part * (after - before))
+
+
+@functools.cache
+def _between(distance_m: float) -> tuple[int, float]:
+    """Which of AHEAD_M comes next, and how much of the way to it from the one before."""
+    j = min(max(int(np.searchsorted(AHEAD_M, distance_m)), 1), len(AHEAD_M) - 1)
+    return j, float((distance_m - AHEAD_M[j - 1]) / (AHEAD_M[j] - AHEAD_M[j - 1]))
 
 
 def true_motion(truth: EgoTruth, ahead: RoadAhead, preview_m: float) -> MotionEstimate:

@@ -16,6 +16,7 @@ Array = np.ndarray[Any, Any]
 Columns = dict[str, Any]
 
 _HORIZON = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64) - 1  # into a Trajectory's points
+_SIDE_CODES = np.array([-1, 0, 1])  # of no side, the left (+1) and, counted from the end, the right (-1)
 
 
 def join(*parts: Columns) -> Columns:
@@ -86,10 +87,9 @@ def of_motion(motion: MotionEstimate) -> Columns:
 
 def of_warning(crossings: dict[str, Crossing], warning: DepartureWarning) -> Columns:
     """Times to lane crossing, by prediction, baselines and from the true state, and the warning."""
-    side = crossings["predicted"].side
     return {
         "tlc_s": crossings["predicted"].tlc_s,
-        "tlc_side": np.select([side > 0, side < 0], [0, 1], -1),
+        "tlc_side": _SIDE_CODES[crossings["predicted"].side],
         "tlc_constant_velocity_s": crossings["constant_velocity"].tlc_s,
         "tlc_constant_radius_s": crossings["constant_radius"].tlc_s,
         "tlc_true_state_s": crossings["true_state"].tlc_s,
@@ -106,6 +106,6 @@ def of_paths(paths: dict[str, Trajectory]) -> Columns:
 
 def _points(path: Trajectory) -> Array:
     points = np.empty((len(path.forward_m), len(_HORIZON), 3))
-    points[..., 0], points[..., 1] = path.forward_m[:, _HORIZON], path.left_m[:, _HORIZON]
-    points[..., 2] = path.heading_rad[:, _HORIZON]
+    for k, part in enumerate((path.forward_m, path.left_m, path.heading_rad)):
+        part.take(_HORIZON, axis=1, out=points[..., k], mode="clip")
     return points
