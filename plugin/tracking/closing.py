@@ -16,12 +16,11 @@ from pydantic import Field, model_validator
 
 from camera_synth.camera import Projection
 from plugin.tracking import closing_kernels as kernels
-from plugin.tracking.closing_kernels import SPEED, WIDTH
 from plugin.tracking.detections import Detections, SensorMotion
 from plugin.tracking.models import RadarNoise
 from plugin.tracking.rear_view import RearView
 from plugin.tracking.tracker import TrackList
-from sumo_net.batch import join, select
+from sumo_net.batch import select
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
@@ -162,99 +161,11 @@ class ClosingFilter:
         tracks : after the tracker's step, which took `detections`; sensor, view : (n,) each. in_path (n, K)
         int64 : ids of the tracks that were in path a step before, and are followed from now on; else -1.
         """
-        key = tracks.owner << 32 | tracks.track_id
-        known = state.owner << 32 | state.track_id
-        row = np.searchsorted(key, known)  # both in ascending order
-        alive = np.append(key, -1)[row] == known
-        row, state = row[alive], select(state, alive)
-        along = self._step(state, row, tracks, detections, sensor, view, dt_s)
-        entered = (in_path[tracks.owner] == tracks.track_id[:, None]).any(axis=1)
-        entered[row] = False
-        if entered.any():
-            state, row, along = self._begin(state, row, along, np.flatnonzero(entered), tracks, sensor)
-        return state, tracks._replace(estimate=self._refined(tracks, row, along, sensor))
-
-    def _step(
-        self,
-        state: ClosingState,
-        row: Array,
-        tracks: TrackList,
-        detections: Detections,
-        sensor: SensorMotion,
-        view: RearView,
-        dt_s: float,
-    ) -> Array:
-        """Move the state on in place; the mixture's mean (L, 4)."""
-        owner, detection = state.owner, tracks.detection[row]
-        measured = detection >= 0
-        z = np.full((2, len(row)), np.nan)
-        z[0, measured] = detections.range_m[detection[measured]]
-        z[1, measured] = detections.range_rate_mps[detection[measured]]
-        width = np.full(len(row), np.nan)
-        if self.options.camera:
-            looked = view.track_id[owner] == state.track_id
-            width[looked] = (view.right_px - view.left_px)[owner[looked]]
-        own = _own_speed(tracks, row, sensor)
-        mean = np.empty((len(row), _STATES))
-        kernels.step(
-            state.x, state.P, state.mu, state.own_mps, state.misfits,
-            own, z[0], z[1], width, dt_s, self._numbers, mean,
-        )  # fmt: skip
-        return mean
-
-    def _begin(
-        self,
-        state: ClosingState,
-        row: Array,
-        along: Array,
-        new: Array,
-        tracks: TrackList,
-        sensor: SensorMotion,
-    ) -> tuple[ClosingState, Array, Array]:
-        r, e, count = len(self._numbers.sigma), select(tracks.estimate, new), len(new)
-        own = _own_speed(tracks, new, sensor)
-        x = np.zeros((count, _STATES))
-        x[:, 0], x[:, SPEED], x[:, WIDTH] = e.range_m, e.range_rate_mps + own, self.options.width_m
-        P = np.diag([0.5**2, 0.5**2, 2.0**2, self.options.width_std_m**2])
-        begun = ClosingState(
-            tracks.owner[new],
-            tracks.track_id[new],
-            np.repeat(x[:, None], r, axis=1),
-            np.tile(P, (count, r, 1, 1)),
-            np.full((count, r), 1.0 / r),
-            own,
-            np.zeros(count, np.int64),
+        parts, better = kernels.follow(
+            state, tracks, detections, sensor, view, in_path, dt_s, self.options.camera, self._numbers
         )
-        row = np.concatenate([row, new])
-        order = np.argsort(row)
-        return select(join(state, begun), order), row[order], np.concatenate([along, x])[order]
-
-    def _refined(self, tracks: TrackList, row: Array, along: Array, sensor: SensorMotion) -> Any:
-        e = tracks.estimate
-        c, s = np.cos(e.azimuth_rad[row]), np.sin(e.azimuth_rad[row])
-        further = along[:, 0] - e.range_m[row]
-        rate = along[:, SPEED] - _own_speed(tracks, row, sensor)
-        faster = rate - e.range_rate_mps[row]
-        harder = along[:, 2] - (e.ax_mps2[row] * c + e.ay_mps2[row] * s)
-
-        def changed(part: Array, by: Array) -> Array:
-            out = part.copy()
-            out[row] += by
-            return out
-
-        return e._replace(
-            range_m=changed(e.range_m, further),
-            range_rate_mps=changed(e.range_rate_mps, faster),
-            x_m=changed(e.x_m, further * c),
-            y_m=changed(e.y_m, further * s),
-            vx_mps=changed(e.vx_mps, faster * c),
-            vy_mps=changed(e.vy_mps, faster * s),
-            ax_mps2=changed(e.ax_mps2, harder * c),
-            ay_mps2=changed(e.ay_mps2, harder * s),
+        range_m, rate, x, y, vx, vy, ax, ay = better
+        estimate = tracks.estimate._replace(
+            range_m=range_m, range_rate_mps=rate, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, ax_mps2=ax, ay_mps2=ay
         )
-
-
-def _own_speed(tracks: TrackList, row: Array, sensor: SensorMotion) -> Array:
-    """The radar's speed along the line of sight to the tracks `row`."""
-    azimuth, owner = tracks.estimate.azimuth_rad[row], tracks.owner[row]
-    return np.cos(azimuth) * sensor.vx[owner] + np.sin(azimuth) * sensor.vy[owner]
+        return ClosingState(*parts), tracks._replace(estimate=estimate)

@@ -49,18 +49,22 @@ def _width_row(x, width_px, p, h):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, d, p, out):  # type: ignore[no-untyped-def]
+def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, fresh, d, p, out):  # type: ignore[no-untyped-def]
     """One step of T tracks over d seconds in place, the mixture's mean into out (T, 4).
 
     x (T, r, 4), P (T, r, 4, 4), mu (T, r), own_before and misfits (T,): a ClosingState's. own (T,): the
     radar's speed along the line of sight now. z_range, z_rate, width_px (T,) are NaN where nothing was
-    measured. p: ClosingNumbers. The process noise of a step is that of an acceleration which changes evenly
-    over it, by σ² (1 - e^(-2 d / time)).
+    measured; those that are fresh (T,) stay as they are. p: ClosingNumbers. The process noise of a step is
+    that of an acceleration which changes evenly over it, by σ² (1 - e^(-2 d / time)).
     """
     tracks, r = len(x), x.shape[1]
     x0, P0, c, log_mu = np.empty((r, _N)), np.empty((r, _N, _N)), np.empty(r), np.empty(r)
     F, A, h = np.eye(_N), np.empty((_N, _N)), np.empty(_N)
     for t in range(tracks):
+        if fresh[t]:
+            for a in range(_N):
+                out[t, a] = x[t, 0, a]
+            continue
         for j in range(r):  # mixing
             total = 0.0
             for i in range(r):
@@ -155,3 +159,87 @@ def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, d, p, ou
             mu[t, j] /= total
             for a in range(_N):
                 out[t, a] += mu[t, j] * x[t, j, a]
+
+
+@kernel
+def _leaders(state, tracks, in_path):  # type: ignore[no-untyped-def]
+    """Tracks (L,) followed already or, being in path, from now on; their rows in `state`, else -1."""
+    row, before = np.empty(len(tracks.owner), np.int64), np.empty(len(tracks.owner), np.int64)
+    found, at = 0, 0
+    for t in range(len(tracks.owner)):
+        i, track_id = tracks.owner[t], tracks.track_id[t]
+        while at < len(state.owner) and (
+            state.owner[at] < i or (state.owner[at] == i and state.track_id[at] < track_id)
+        ):
+            at += 1
+        known = at < len(state.owner) and state.owner[at] == i and state.track_id[at] == track_id
+        entered = False
+        for k in range(in_path.shape[1]):
+            entered = entered or in_path[i, k] == track_id
+        if known or entered:
+            row[found], before[found] = t, at if known else -1
+            found += 1
+    return row[:found], before[:found]
+
+
+@kernel
+def follow(state, tracks, detections, sensor, view, in_path, d, camera, p):  # type: ignore[no-untyped-def]
+    """One scan of n vehicles: the parts of the next ClosingState, and of the tracks' better estimate (8, T).
+
+    Arguments as of `ClosingFilter.step`; d: seconds, camera: whether widths are taken, p: ClosingNumbers. The
+    last are range, range rate, x, y, v_x, v_y, a_x and a_y.
+    """
+    row, before = _leaders(state, tracks, in_path)
+    count, r, e = len(row), len(p.sigma), tracks.estimate
+    owner, track_id = np.empty(count, np.int64), np.empty(count, np.int64)
+    x, P, mu = np.empty((count, r, _N)), np.zeros((count, r, _N, _N)), np.empty((count, r))
+    misfits, fresh = np.zeros(count, np.int64), np.empty(count, np.bool_)
+    own_before, own, along = np.empty(count), np.empty(count), np.empty((count, _N))
+    z_range, z_rate = np.full(count, math.nan), np.full(count, math.nan)
+    width = np.full(count, math.nan)
+    for k in range(count):
+        t, i, old = row[k], tracks.owner[row[k]], before[k]
+        owner[k], track_id[k] = i, tracks.track_id[t]
+        c, s = math.cos(e.azimuth_rad[t]), math.sin(e.azimuth_rad[t])
+        own[k] = own_before[k] = c * sensor.vx[i] + s * sensor.vy[i]
+        fresh[k] = old < 0
+        if fresh[k]:
+            for j in range(r):
+                mu[k, j] = 1.0 / r
+                x[k, j, RANGE], x[k, j, SPEED] = e.range_m[t], e.range_rate_mps[t] + own[k]
+                x[k, j, ACCELERATION], x[k, j, WIDTH] = 0.0, p.width
+                P[k, j, RANGE, RANGE] = P[k, j, SPEED, SPEED] = 0.5**2
+                P[k, j, ACCELERATION, ACCELERATION], P[k, j, WIDTH, WIDTH] = 2.0**2, p.width_std**2
+            continue
+        for j in range(r):
+            mu[k, j] = state.mu[old, j]
+            for a in range(_N):
+                x[k, j, a] = state.x[old, j, a]
+                for b in range(_N):
+                    P[k, j, a, b] = state.P[old, j, a, b]
+        own_before[k], misfits[k] = state.own_mps[old], state.misfits[old]
+        if tracks.detection[t] >= 0:
+            z_range[k] = detections.range_m[tracks.detection[t]]
+            z_rate[k] = detections.range_rate_mps[tracks.detection[t]]
+        if camera and view.track_id[i] == track_id[k]:
+            width[k] = view.right_px[i] - view.left_px[i]
+    step(x, P, mu, own_before, misfits, own, z_range, z_rate, width, fresh, d, p, along)
+    better = np.empty((8, len(tracks.owner)))
+    for t in range(len(tracks.owner)):
+        better[0, t], better[1, t], better[2, t] = e.range_m[t], e.range_rate_mps[t], e.x_m[t]
+        better[3, t], better[4, t], better[5, t] = e.y_m[t], e.vx_mps[t], e.vy_mps[t]
+        better[6, t], better[7, t] = e.ax_mps2[t], e.ay_mps2[t]
+    for k in range(count):
+        t = row[k]
+        c, s = math.cos(e.azimuth_rad[t]), math.sin(e.azimuth_rad[t])
+        further, faster = along[k, RANGE] - e.range_m[t], along[k, SPEED] - own[k] - e.range_rate_mps[t]
+        harder = along[k, ACCELERATION] - (e.ax_mps2[t] * c + e.ay_mps2[t] * s)
+        better[0, t] += further
+        better[1, t] += faster
+        better[2, t] += further * c
+        better[3, t] += further * s
+        better[4, t] += faster * c
+        better[5, t] += faster * s
+        better[6, t] += harder * c
+        better[7, t] += harder * s
+    return (owner, track_id, x, P, mu, own_before, misfits), better
