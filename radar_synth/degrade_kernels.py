@@ -94,7 +94,8 @@ def measure(objects, seen, radar, keys, counter, out, behind):  # type: ignore[n
             z[found, 1] = radar.clutter_span * (2.0 * uniform(clutter, at + np.uint64(2)) - 1.0)
             z[found, 2] = radar.beam_angle[beam] * (2.0 * uniform(clutter, at + np.uint64(3)) - 1.0)
             handle[found], reflection[found] = -1, -1
-            truth[found] = math.nan
+            for part in range(5):
+                truth[found, part] = math.nan
             found += 1
         ascending(z[:, 0], found, order)
         out.detections[i] = min(found, most)

@@ -74,7 +74,8 @@ def gate_pairs(z_pred, S, track_label, track_owner, z, label, owner, angle, gate
 @kernel
 def _grown(a, room):  # type: ignore[no-untyped-def]
     out = np.empty(room, a.dtype)
-    out[: len(a)] = a
+    for i in range(len(a)):  # assigning a slice takes numba 2 s more to compile
+        out[i] = a[i]
     return out
 
 
