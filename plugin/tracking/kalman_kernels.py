@@ -70,12 +70,12 @@ def solve_cholesky(L, b):  # type: ignore[no-untyped-def]
         total = b[i]
         for k in range(i):
             total -= L[i, k] * b[k]
-        b[i] = total / L[i, i]
+        b[i] = total * L[i, i]
     for i in range(n - 1, -1, -1):
         total = b[i]
         for k in range(i + 1, n):
             total -= L[k, i] * b[k]
-        b[i] = total / L[i, i]
+        b[i] = total * L[i, i]
 
 
 @inlined
@@ -117,31 +117,41 @@ def innovation_covariance(P, H, R, PHt, S):  # type: ignore[no-untyped-def]
 
 @inlined
 def joseph(P, K, H, R, A, work):  # type: ignore[no-untyped-def]
-    """P = (I − K H) P (I − K H)ᵀ + K R Kᵀ in place: symmetric and non-negative for any gain K (n, m)."""
+    """P = (I − K H) P (I − K H)ᵀ + K R Kᵀ in place for any gain K (n, m); A, work (n, n) are scratch.
+
+    As M + (K R − M Hᵀ) Kᵀ with M = P − K (H P), which is the same and needs no product of two (n, n).
+    """
     n, m = STATES, MEASURED
+    for k in range(m):  # A: the rows of H P, then those of Kᵀ
+        for j in range(n):
+            A[k, j] = 0.0
+            A[m + k, j] = K[j, k]
+        for i in range(n):
+            h = H[k, i]
+            if h != 0.0:
+                for j in range(n):
+                    A[k, j] += h * P[i, j]
     for i in range(n):
         for j in range(n):
-            A[i, j] = 0.0
-        A[i, i] = 1.0
+            work[i, j] = P[i, j]
         for k in range(m):
             gain = K[i, k]
-            if gain != 0.0:
-                for j in range(n):
-                    A[i, j] -= gain * H[k, j]
-    congruence(A, P, work, P)
+            for j in range(n):
+                work[i, j] -= gain * A[k, j]
     for i in range(n):
-        for j in range(m):
-            total = 0.0
-            for k in range(m):
-                total += K[i, k] * R[k, j]
-            work[i, j] = total
-    for i in range(n):
-        for j in range(i, n):
-            total = P[i, j]
-            for k in range(m):
-                total += work[i, k] * K[j, k]
-            P[i, j] = total
-            P[j, i] = total
+        for j in range(n):
+            P[i, j] = work[i, j]
+        for k in range(m):
+            weight = 0.0
+            for a in range(m):
+                weight += K[i, a] * R[a, k]
+            for a in range(n):
+                if H[k, a] != 0.0:
+                    weight -= work[i, a] * H[k, a]
+            for j in range(n):
+                P[i, j] += weight * A[m + k, j]
+        for j in range(i):
+            P[j, i] = P[i, j]
 
 
 @inlined
@@ -169,8 +179,11 @@ def update_one(x, P, y, H, R, K, S, L, A, work):  # type: ignore[no-untyped-def]
     if not cholesky(S, L):
         return math.nan
     log_likelihood = -0.5 * (m * LOG_TWO_PI + mahalanobis(L, y, work[0]))
+    determinant = 1.0
     for j in range(m):
-        log_likelihood -= math.log(L[j, j])
+        determinant *= L[j, j]
+        L[j, j] = 1.0 / L[j, j]
+    log_likelihood -= math.log(determinant)
     for i in range(n):
         solve_cholesky(L, K[i])  # row i of K = P Hᵀ S⁻¹, S being symmetric
         for j in range(m):

@@ -27,9 +27,9 @@ def bend(x, G, h, sensor, v):  # type: ignore[no-untyped-def]
     # Position and velocity in the axes of the old line of sight, then along and across the new one.
     X, Y = r + (rate - 0.5 * a_along * h) * h, (r * lam - 0.5 * a_across * h) * h
     U, W = rate - a_along * h, r * lam - a_across * h
-    r_new = max(math.hypot(X, Y), _NEAREST_M)
-    turned = math.atan2(Y, X)
-    c, s = math.cos(turned), math.sin(turned)
+    distance, turned = math.sqrt(X * X + Y * Y), math.atan2(Y, X)
+    c, s = (X / distance, Y / distance) if distance > 0.0 else (1.0, 0.0)
+    r_new = max(distance, _NEAREST_M)
     rate_new, across_new = c * U + s * W, c * W - s * U
     lam_new = across_new / r_new
     x[0], x[1] = r_new - h * rate_new, rate_new
