@@ -21,10 +21,7 @@ def objects_in_view(
     Those that are hidden are in it as well. Where there are more than `most_objects`, the furthest are left
     out; a vehicle never sees itself.
     """
-    n, most = len(poses.handle), radar.most_objects
-    parts = len(Objects._fields) - 1
-    out = Objects(np.full((n, most), -1, np.int64), *np.full((parts, n, most), np.nan))
-    used = kernels.gather(
+    handle, parts = kernels.gather(
         poses.handle,
         poses.x_m,
         poses.y_m,
@@ -32,15 +29,9 @@ def objects_in_view(
         snapshot,
         roadside or nothing(),
         numbers(radar),
-        out,
+        radar.most_objects,
     )
-    width = max(int(used.max(initial=0)), 1)
-    if width == most:
-        return out
-    handle, floats = out.handle[:, :width].copy(), np.empty((parts, n, width))
-    for mine, part in zip(floats, out[1:], strict=True):
-        mine[:] = part[:, :width]
-    return Objects(handle, *floats)
+    return Objects(handle, *parts)
 
 
 def sightings(radar: Radar, objects: Objects, motion: OwnMotion) -> Sightings:

@@ -269,17 +269,24 @@ def _first_from(values, least):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: ignore[no-untyped-def]
-    """Objects in view of n vehicles into `out` (Objects, n x M); how many of each, (n,)."""
-    n, M = out.forward_m.shape
-    vehicles, posts = snapshot.handle.size, roadside.handle.size
+def gather(handle, x, y, heading, snapshot, roadside, radar, most):  # type: ignore[no-untyped-def]
+    """Objects in view of n vehicles: their handles (n, M), -1 for unused, and the other parts (8, n, M).
+
+    Of an Objects, in its order. M: as many as the vehicle has that has most, at most `most`, at least one.
+    """
+    n, vehicles, posts = len(x), snapshot.handle.size, roadside.handle.size
     index, distance = np.empty(vehicles + posts, np.int64), np.empty(vehicles + posts)
     order = np.empty(vehicles + posts, np.int64)
-    used = np.zeros(n, np.int64)
+    nearest, used, M = np.empty((n, most), np.int64), np.zeros(n, np.int64), 1
     furthest, edges = 0.0, np.empty((radar.beam_angle.size, 2))
     for k in range(radar.beam_range.size):
         edges[k, 0], edges[k, 1] = math.cos(radar.beam_angle[k]), math.sin(radar.beam_angle[k])
         furthest = max(furthest, radar.beam_range[k] + 30.0)
+    back_x, back_y = np.empty(vehicles), np.empty(vehicles)  # from the centre to the front bumper
+    for k in range(vehicles):
+        half = 0.5 * snapshot.length_m[k]
+        back_x[k] = half * math.cos(snapshot.heading_rad[k])
+        back_y[k] = half * math.sin(snapshot.heading_rad[k])
     for i in range(n):
         if not (math.isfinite(x[i]) and math.isfinite(y[i])):
             continue
@@ -289,11 +296,10 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: igno
             dx, dy = snapshot.x_m[k] - x[i], snapshot.y_m[k] - y[i]
             if dx * dx + dy * dy > furthest * furthest or snapshot.handle[k] == handle[i]:
                 continue
-            half = 0.5 * snapshot.length_m[k]
-            dx -= half * math.cos(snapshot.heading_rad[k])
-            dy -= half * math.sin(snapshot.heading_rad[k])
+            dx -= back_x[k]
+            dy -= back_y[k]
             forward, left = c * dx + s * dy, c * dy - s * dx
-            size = math.hypot(half, 0.5 * snapshot.width_m[k])
+            size = math.hypot(0.5 * snapshot.length_m[k], 0.5 * snapshot.width_m[k])
             if _may_be_seen(forward - radar.forward, left - radar.left, size, edges, radar):
                 index[found], distance[found] = k, math.hypot(forward, left)
                 found += 1
@@ -307,26 +313,30 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, out):  # type: igno
                 found += 1
             first += 1
         ascending(distance, found, order)
-        used[i] = min(found, M)
+        used[i] = min(found, most)
+        M = max(M, used[i])
         for m in range(used[i]):
-            k = index[order[m]]
+            nearest[i, m] = index[order[m]]
+    who, out = np.full((n, M), -1, np.int64), np.full((8, n, M), math.nan)
+    for i in range(n):
+        c, s = math.cos(heading[i]), math.sin(heading[i])
+        for m in range(used[i]):
+            k = nearest[i, m]
             if k < vehicles:
-                half = 0.5 * snapshot.length_m[k]
-                dx = snapshot.x_m[k] - half * math.cos(snapshot.heading_rad[k]) - x[i]
-                dy = snapshot.y_m[k] - half * math.sin(snapshot.heading_rad[k]) - y[i]
-                out.handle[i, m] = snapshot.handle[k]
-                out.heading_rad[i, m] = wrap_angle(snapshot.heading_rad[k] - heading[i])
-                out.speed_mps[i, m] = snapshot.speed_mps[k]
-                out.acceleration_mps2[i, m] = snapshot.acceleration_mps2[k]
-                out.length_m[i, m], out.width_m[i, m] = snapshot.length_m[k], snapshot.width_m[k]
-                out.height_m[i, m] = snapshot.height_m[k]
+                dx = snapshot.x_m[k] - back_x[k] - x[i]
+                dy = snapshot.y_m[k] - back_y[k] - y[i]
+                who[i, m] = snapshot.handle[k]
+                out[2, i, m] = wrap_angle(snapshot.heading_rad[k] - heading[i])
+                out[3, i, m], out[4, i, m] = snapshot.speed_mps[k], snapshot.acceleration_mps2[k]
+                out[5, i, m], out[6, i, m] = snapshot.length_m[k], snapshot.width_m[k]
+                out[7, i, m] = snapshot.height_m[k]
             else:
                 k -= vehicles
                 dx, dy = roadside.x_m[k] - x[i], roadside.y_m[k] - y[i]
-                out.handle[i, m] = roadside.handle[k]
-                out.heading_rad[i, m] = wrap_angle(roadside.heading_rad[k] - heading[i])
-                out.speed_mps[i, m] = out.acceleration_mps2[i, m] = 0.0
-                out.length_m[i, m], out.width_m[i, m] = roadside.length_m[k], roadside.width_m[k]
-                out.height_m[i, m] = roadside.height_m[k]
-            out.forward_m[i, m], out.left_m[i, m] = c * dx + s * dy, c * dy - s * dx
-    return used
+                who[i, m] = roadside.handle[k]
+                out[2, i, m] = wrap_angle(roadside.heading_rad[k] - heading[i])
+                out[3, i, m], out[4, i, m] = 0.0, 0.0
+                out[5, i, m], out[6, i, m] = roadside.length_m[k], roadside.width_m[k]
+                out[7, i, m] = roadside.height_m[k]
+            out[0, i, m], out[1, i, m] = c * dx + s * dy, c * dy - s * dx
+    return who, out
