@@ -63,19 +63,20 @@ def cholesky(S, L):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def solve_cholesky(L, b):  # type: ignore[no-untyped-def]
-    """Solve L Lᵀ y = b in place of b (n,)."""
-    n = MEASURED
-    for i in range(n):
-        total = b[i]
-        for k in range(i):
-            total -= L[i, k] * b[k]
-        b[i] = total * L[i, i]
-    for i in range(n - 1, -1, -1):
-        total = b[i]
-        for k in range(i + 1, n):
-            total -= L[k, i] * b[k]
-        b[i] = total * L[i, i]
+def solve_cholesky(L, K):  # type: ignore[no-untyped-def]
+    """Solve L Lᵀ y = b in place of each row b of K (n, m); the diagonal of L holds its reciprocals."""
+    m = MEASURED
+    for row in range(STATES):
+        for i in range(m):
+            total = K[row, i]
+            for k in range(i):
+                total -= L[i, k] * K[row, k]
+            K[row, i] = total * L[i, i]
+        for i in range(m - 1, -1, -1):
+            total = K[row, i]
+            for k in range(i + 1, m):
+                total -= L[k, i] * K[row, k]
+            K[row, i] = total * L[i, i]
 
 
 @inlined
@@ -184,8 +185,8 @@ def update_one(x, P, y, H, R, K, S, L, A, work):  # type: ignore[no-untyped-def]
         determinant *= L[j, j]
         L[j, j] = 1.0 / L[j, j]
     log_likelihood -= math.log(determinant)
+    solve_cholesky(L, K)  # K = P Hᵀ S⁻¹, S being symmetric
     for i in range(n):
-        solve_cholesky(L, K[i])  # row i of K = P Hᵀ S⁻¹, S being symmetric
         for j in range(m):
             x[i] += K[i, j] * y[j]
     joseph(P, K, H, R, A, work)
