@@ -99,13 +99,11 @@ class Ranging:
 
     def join(self, *tracked: Tracked) -> Tracked:
         """The tracks of one fleet after those of the other, whose vehicles follow its own."""
-        begin, moved = 0, []
-        for tracker, leaders in tracked:
-            tracks = tracker.tracks._replace(owner=tracker.tracks.owner + begin)
-            leaders = leaders._replace(owner=leaders.owner + begin)
-            moved.append(Tracked(tracker._replace(tracks=tracks), leaders))
-            begin += len(tracker.next_id)
-        return join(*moved)
+        before, leaders = 0, []
+        for part in tracked:
+            leaders.append(part.leaders._replace(owner=part.leaders.owner + before))
+            before += len(part.tracker.next_id)
+        return Tracked(self._tracker.join(*(part.tracker for part in tracked)), join(*leaders))
 
     def step(
         self,

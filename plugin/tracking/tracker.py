@@ -17,7 +17,7 @@ from plugin.tracking.association_kernels import gate_pairs, unclaimed
 from plugin.tracking.classification import ClassSettings, ClassState
 from plugin.tracking.detections import Array, Detections, EgoMotion, Estimate, SensorMotion, sensor_motion
 from plugin.tracking.filters import FilterName, FilterSettings, make
-from sumo_net.batch import select
+from sumo_net.batch import join, select
 from sumo_net.settings import settings
 
 _LONGEST_HISTORY = 60
@@ -128,6 +128,15 @@ class Tracker:
         next_id = np.where(rows >= 0, state.next_id[np.maximum(rows, 0)] if len(state.next_id) else 0, 0)
         return chosen._replace(tracks=chosen.tracks._replace(owner=owner[kept]), next_id=next_id)
 
+    def join(self, *states: TrackerState) -> TrackerState:
+        """The state of one fleet after that of the other, whose vehicles follow its own."""
+        vehicles, filtered, moved = 0, 0, []
+        for state in states:
+            tracks = state.tracks._replace(owner=state.tracks.owner + vehicles)
+            moved.append(state._replace(tracks=tracks, rows=state.rows + filtered))
+            vehicles, filtered = vehicles + len(state.next_id), filtered + len(state.filter[0])
+        return join(*moved)
+
     def step(
         self, state: TrackerState, detections: Detections, ego: EgoMotion, dt_s: Array | float
     ) -> tuple[TrackerState, TrackList]:
@@ -187,30 +196,38 @@ class Tracker:
         self, state: TrackerState, detections: Detections, sensor: SensorMotion
     ) -> tuple[Array, Array, Array, TrackerState]:
         """Detection of each track or -1, the detections that begin tracks, z, and the state."""
-        options, tracks = self.options, state.tracks
+        options = self.options
         z = self._filter.measure(detections)
-        while True:
-            expected, S = self._filter.expect(state.filter, tracks.owner, sensor)
-            track, detection, distance, lost = gate_pairs(
-                expected,
-                S,
-                tracks.label,
-                tracks.owner,
-                z,
-                detections.label,
-                detections.owner,
-                self._filter.angle,
-                options.gate,
-                options.label_gate,
-            )
-            if not lost.any():
-                break
+        *pairs, lost = self._gated(state, detections, z, sensor)
+        if lost.any():
             state = self._restart(state, lost)
-            tracks = state.tracks
+            *pairs, _ = self._gated(state, detections, z, sensor)
+        track, detection, distance = pairs
+        tracks = state.tracks
         gate = np.where(tracks.label < 0, options.gate, options.label_gate)
         cost = gate * np.where(tracks.confirmed, 2.0, 1.0)  # a confirmed track has the first choice
         chosen = assign(track, detection, distance, len(z), cost)
         return chosen, unclaimed(track, detection, chosen, tracks.confirmed, len(z)), z, state
+
+    def _gated(
+        self, state: TrackerState, detections: Detections, z: Array, sensor: SensorMotion
+    ) -> tuple[Array, Array, Array, Array]:
+        """As `gate_pairs`: tracks, detections and distances of the pairs, and whose S is lost (T,)."""
+        options, tracks = self.options, state.tracks
+        expected, S = self._filter.expect(state.filter, tracks.owner, sensor)
+        found: tuple[Array, Array, Array, Array] = gate_pairs(
+            expected,
+            S,
+            tracks.label,
+            tracks.owner,
+            z,
+            detections.label,
+            detections.owner,
+            self._filter.angle,
+            options.gate,
+            options.label_gate,
+        )
+        return found
 
     def _restart(self, state: TrackerState, lost: Array) -> TrackerState:
         tracks = state.tracks

@@ -239,6 +239,51 @@ def test_vehicles_leave_and_come() -> None:
     assert tracker.reindex(empty, np.array([-1])).next_id.tolist() == [0]
 
 
+@pytest.mark.parametrize("name", FILTERS)
+def test_parts_of_a_fleet_are_tracked_like_the_whole(name: str) -> None:
+    """Parted, moved on, joined again: the same numbers to the last bit."""
+    tracker = Tracker(TrackerSettings(filter=name))
+    rng = np.random.default_rng(4)
+
+    def scan(step: int) -> Detections:
+        owner, place = np.repeat(np.arange(5), 3), np.tile([30.0, 60.0, 90.0], 5)
+        noise = rng.normal(0.0, 0.2, 15)
+        still, no = np.zeros(15), np.full(15, -1, np.int64)
+        seen = Detections(owner, place + noise - step, still - 10.0, still, no)
+        return select(seen, rng.random(15) > 0.2)
+
+    whole = tracker.init(5)
+    for step in range(6):
+        whole, _ = tracker.step(whole, scan(step), at_rest(5), 0.1)
+    parts = [tracker.reindex(whole, rows) for rows in (np.array([0, 1]), np.array([2, 3, 4]))]
+    for step in range(6, 12):
+        seen = scan(step)
+        first, last = select(seen, seen.owner < 2), select(seen, seen.owner >= 2)
+        whole, tracks = tracker.step(whole, seen, at_rest(5), 0.1)
+        parts[0], some = tracker.step(parts[0], first, at_rest(2), 0.1)
+        parts[1], others = tracker.step(parts[1], last._replace(owner=last.owner - 2), at_rest(3), 0.1)
+        if step == 8:
+            joined = tracker.join(*parts)
+            parts = [tracker.reindex(joined, rows) for rows in (np.array([0, 1]), np.array([2, 3, 4]))]
+        for one, two, both in zip(some.estimate, others.estimate, tracks.estimate, strict=True):
+            np.testing.assert_array_equal(np.concatenate([one, two]), both)
+        np.testing.assert_array_equal(np.concatenate([some.track_id, others.track_id]), tracks.track_id)
+        np.testing.assert_array_equal(np.concatenate([some.owner, others.owner + 2]), tracks.owner)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_a_track_whose_numbers_are_lost_for_good_ends(name: str) -> None:
+    tracker = Tracker(TrackerSettings(filter=name))
+    seen = detections([(50.0, 0.0, 0.0), (80.0, 0.0, 0.1)])
+    state = tracker.init(1)
+    for _ in range(4):
+        state, _ = tracker.step(state, seen, at_rest(1), 0.1)
+    state.filter.x[state.rows[0]] = np.nan
+    _, tracks = tracker.step(state, seen, at_rest(1), 0.1)
+    assert np.isfinite(tracks.estimate.range_m).all()
+    assert sorted(np.round(tracks.estimate.range_m).tolist()) == [50.0, 80.0]
+
+
 def test_what_the_published_form_loses_is_counted_not_hidden() -> None:
     scene = Scene(POSITION, VELOCITY)
     scans = list(scene.scans(np.random.default_rng(2), [0.1] * 20))
