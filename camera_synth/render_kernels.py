@@ -38,8 +38,6 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     crossings = new_crossings(rows)
     bodies = new_bodies(objects.handle.shape[1])
     canvas = np.empty((rows, width), np.float32)
-    glaring = np.any(looks.glare > 0.0)
-    field = np.zeros((rows if glaring else 1, width), np.float32)
     slot, borders = truth
     judged = borders.column.shape[0] == n
     middles, boxes = new_crossings(borders.column.shape[2] - 1), np.empty((objects.handle.shape[1], 4))
@@ -72,7 +70,7 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
             column, painted = borders.column[i], borders.painted[i]
             locate(column, painted, width, p, curves, middles, bodies, boxes, slot[i], look, view)
         exposure = exposure_of(look, view.sin, view.cos, horizon, p, keys[i], counters[i])
-        read_out(frames[i], canvas, field, node, exposure, keys[i], counters[i])
+        read_out(frames[i], canvas, node, exposure, keys[i], counters[i])
 
 
 @kernel
