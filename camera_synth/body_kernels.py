@@ -7,14 +7,16 @@ import numpy as np
 
 from camera_synth.camera import WIDTH_PX
 from camera_synth.degrade import lattice_unit
-from sumo_net.compile import kernel
+from sumo_net.compile import inlined, kernel
 
 Array = np.ndarray[Any, Any]
 
 POLYGONS = 20  # at most for one body
+PANELS = 6  # at most on one face
 _VERTICES = 6
 _NEAREST_M = 0.3  # depth at which faces are cut off
 _UNUSED = -1
+_DARK = 22.0  # grey of tyres, and under a vehicle
 
 
 class Bodies(NamedTuple):
@@ -28,8 +30,19 @@ class Bodies(NamedTuple):
     opacity: Array  # (M, POLYGONS)
     order: Array  # (M,) int64
     distance: Array  # (M,) m
-    corner: Array  # (4, 3) of a face, vehicle frame
-    camera: Array  # (4, 3) the same for the camera: depth, to the right, up
+    panel: Array  # (PANELS, 5) of a face: shares of its width from and to, heights from and to in m, grey
+    corner: Array  # (4, 3) of a panel, for the camera: depth, to the right, up
+
+
+class Box(NamedTuple):
+    """A body's ground for the camera: metres ahead of it and to its right."""
+
+    ahead: float  # of the middle
+    right: float
+    length_ahead: float  # from the middle to the front
+    length_right: float
+    width_ahead: float  # from the middle to the left side
+    width_right: float
 
 
 @kernel
@@ -44,14 +57,14 @@ def new_bodies(count):  # type: ignore[no-untyped-def]
         np.zeros((count, POLYGONS)),
         np.zeros(count, np.int64),
         np.zeros(count),
-        np.zeros((4, 3)),
+        np.zeros((PANELS, 5)),
         np.zeros((4, 3)),
     )
 
 
 @kernel
-def place(bodies, objects, i, p, look):  # type: ignore[no-untyped-def]
-    """Fill `bodies` with what vehicle i sees of its Objects in the light of its Look."""
+def place(bodies, objects, i, rows, p, look):  # type: ignore[no-untyped-def]
+    """Fill `bodies` with what vehicle i sees of its Objects on the lowest `rows` rows in its Look's light."""
     count = objects.handle.shape[1]
     order, distance = bodies.order, bodies.distance
     found = 0
@@ -78,151 +91,175 @@ def place(bodies, objects, i, p, look):  # type: ignore[no-untyped-def]
         fall = 1.0 + distance[at] / look.headlight_reach_m
         light = keep * (look.ambient + look.headlight / (fall * fall))
         haze = look.haze_grey * look.ambient * (1.0 - keep)
-        _place_body(bodies, used, objects, i, order[at], p, light, haze)
+        _place_body(bodies, used, objects, i, order[at], rows, p, light, haze)
         if bodies.polygons[used] > 0:
             used += 1
     bodies.used[0] = used
 
 
-@kernel
-def _place_body(bodies, b, objects, i, m, p, light, haze):  # type: ignore[no-untyped-def]
+@inlined
+def _place_body(bodies, b, objects, i, m, rows, p, light, haze):  # type: ignore[no-untyped-def]
     sin_h, cos_h = math.sin(objects.heading_rad[i, m]), math.cos(objects.heading_rad[i, m])
     f, g = objects.forward_m[i, m], objects.left_m[i, m]
     half_l, half_w = 0.5 * objects.length_m[i, m], 0.5 * objects.width_m[i, m]
     height = objects.height_m[i, m]
     handle = objects.handle[i, m]
-    vehicle = handle >= 0
-    car = vehicle and height < 2.2 and half_l < 3.5
-    paint = 35.0 + 190.0 * lattice_unit(handle, 77) if vehicle else 110.0
-    dark = 22.0
     # the camera in the body's own frame
     cf = cos_h * (p.forward - f) + sin_h * (p.left - g)
     cl = -sin_h * (p.forward - f) + cos_h * (p.left - g)
     if abs(cf) <= half_l and abs(cl) <= half_w:
         return  # the camera would sit inside
-    corner = bodies.corner
+    ahead, right = _on_ground(f - p.forward, g - p.left, p)
+    along, aside = _on_ground(cos_h, sin_h, p), _on_ground(-sin_h, cos_h, p)
     reach = 0.15  # of the shadow under a vehicle
-    if _beside_image(bodies.camera, f, g, sin_h, cos_h, half_l + reach, half_w + reach, height, p):
+    out_l, out_w = half_l + reach, half_w + reach
+    shadow = Box(ahead, right, out_l * along[0], out_l * along[1], out_w * aside[0], out_w * aside[1])
+    if _out_of_image(shadow, height, rows, p):
         return
+    vehicle = handle >= 0
+    paint = 35.0 + 190.0 * lattice_unit(handle, 77) if vehicle else 110.0
     if vehicle:
         for q in range(4):
-            a = half_l + reach if q in (0, 3) else -half_l - reach
-            c = half_w + reach if q in (0, 1) else -half_w - reach
-            corner[q, 0], corner[q, 1], corner[q, 2] = (
-                f + a * cos_h - c * sin_h,
-                g + a * sin_h + c * cos_h,
-                0.0,
-            )
-        _polygon(bodies, b, corner, p, dark * light + haze, 0.75)
+            a, c = 1.0 if q in (0, 3) else -1.0, 1.0 if q in (0, 1) else -1.0
+            ahead_q, right_q = _corner_of(shadow, a, c)
+            _see(bodies.corner, q, ahead_q, right_q, 0.0, p)
+        _polygon(bodies, b, p, _DARK * light + haze, 0.75)
+    box = Box(ahead, right, half_l * along[0], half_l * along[1], half_w * aside[0], half_w * aside[1])
     for side in range(4):  # rear, front, left, right
         if side == 0 and cf < -half_l:
-            a0, c0, a1, c1, tone = -half_l, half_w, -half_l, -half_w, 1.0
+            a0, c0, a1, c1, tone = -1.0, 1.0, -1.0, -1.0, 1.0
         elif side == 1 and cf > half_l:
-            a0, c0, a1, c1, tone = half_l, -half_w, half_l, half_w, 1.0
+            a0, c0, a1, c1, tone = 1.0, -1.0, 1.0, 1.0, 1.0
         elif side == 2 and cl > half_w:
-            a0, c0, a1, c1, tone = half_l, half_w, -half_l, half_w, 0.78
+            a0, c0, a1, c1, tone = 1.0, 1.0, -1.0, 1.0, 0.78
         elif side == 3 and cl < -half_w:
-            a0, c0, a1, c1, tone = -half_l, -half_w, half_l, -half_w, 1.12
+            a0, c0, a1, c1, tone = -1.0, -1.0, 1.0, -1.0, 1.12
         else:
             continue
-        x0, y0 = f + a0 * cos_h - c0 * sin_h, g + a0 * sin_h + c0 * cos_h
-        x1, y1 = f + a1 * cos_h - c1 * sin_h, g + a1 * sin_h + c1 * cos_h
-        body = min(paint * tone, 245.0) * light + haze
-        glass, tyre = (38.0 + 12.0 * tone) * light + haze, dark * light + haze
-        _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.0, 1.0, 0.0, height, body, 1.0)
-        if not vehicle:
-            continue
-        if side <= 1:
-            _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.0, 1.0, 0.0, 0.14 * height, tyre, 1.0)
-            if car or side == 1:
-                _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.1, 0.9, 0.6 * height, 0.9 * height, glass, 1.0)
-            lamp = (75.0 if side == 0 else 235.0) * light + haze
-            low, high = (0.42, 0.54) if car else (0.2, 0.26)
-            _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.04, 0.16, low * height, high * height, lamp, 1.0)
-            _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.84, 0.96, low * height, high * height, lamp, 1.0)
-            plate = 190.0 * light + haze
-            low, high = (0.3, 0.38) if car else (0.15, 0.19)
-            _panel(bodies, b, corner, p, x0, y0, x1, y1, 0.38, 0.62, low * height, high * height, plate, 1.0)
-        else:
-            if car:
-                _panel(
-                    bodies, b, corner, p, x0, y0, x1, y1, 0.2, 0.88, 0.6 * height, 0.9 * height, glass, 1.0
-                )
-            wheel = min(0.65, 0.3 * height)
-            span = min(0.65 / (2.0 * half_l), 0.3)
-            for at in (0.12, 0.88 - span):
-                _panel(bodies, b, corner, p, x0, y0, x1, y1, at, at + span, 0.0, wheel, tyre, 1.0)
+        begin, end = _corner_of(box, a0, c0), _corner_of(box, a1, c1)
+        run_ahead, run_right = end[0] - begin[0], end[1] - begin[1]
+        top = max(_highest_seen(begin[0], rows, p), _highest_seen(end[0], rows, p))
+        panel = bodies.panel
+        panels = _panels_of_vehicle(panel, side, height, half_l, tone) if vehicle else 1
+        panel[0, 0], panel[0, 1], panel[0, 2], panel[0, 3] = 0.0, 1.0, 0.0, height
+        panel[0, 4] = min(paint * tone, 245.0)
+        for k in range(panels):
+            if panel[k, 2] >= top:
+                continue  # above the image
+            for q in range(4):
+                u, z = panel[k, 0 if q in (0, 3) else 1], panel[k, 2 if q < 2 else 3]
+                _see(bodies.corner, q, begin[0] + u * run_ahead, begin[1] + u * run_right, z, p)
+            _polygon(bodies, b, p, panel[k, 4] * light + haze, 1.0)
 
 
 @kernel
-def _beside_image(camera, f, g, sin_h, cos_h, half_l, half_w, height, p):  # type: ignore[no-untyped-def]
-    """Whether a box is wholly left or right of the image, and no part of it near the camera's own place."""
-    leftmost, rightmost = math.inf, -math.inf
-    for q in range(8):
-        a = half_l if q & 1 else -half_l
-        c = half_w if q & 2 else -half_w
-        z = height if q & 4 else 0.0
-        _seen_from(camera[0], f + a * cos_h - c * sin_h, g + a * sin_h + c * cos_h, z, p)
-        if camera[0, 0] < _NEAREST_M:
-            return False
-        column = p.center_x + p.focal * camera[0, 1] / camera[0, 0]
-        leftmost, rightmost = min(leftmost, column), max(rightmost, column)
-    return rightmost < -1.0 or leftmost > WIDTH_PX
+def _panels_of_vehicle(panel, side, height, half_l, tone):  # type: ignore[no-untyped-def]
+    """Fill panel[1:] with what is on a vehicle's side, 0 rear, 1 front; returns how many panels that makes.
+
+    The first is the side itself. A row each: shares of the face's width from and to, heights from and to in
+    metres, grey.
+    """
+    car = height < 2.2 and half_l < 3.5
+    glass = 38.0 + 12.0 * tone
+    if side > 1:
+        wheel, span = min(0.65, 0.3 * height), min(0.65 / (2.0 * half_l), 0.3)
+        _put(panel, 1, 0.12, 0.12 + span, 0.0, wheel, _DARK)
+        _put(panel, 2, 0.88 - span, 0.88, 0.0, wheel, _DARK)
+        _put(panel, 3, 0.2, 0.88, 0.6 * height, 0.9 * height, glass)
+        return 4 if car else 3
+    lamp, plate = 75.0 if side == 0 else 235.0, 190.0
+    low, high = (0.42, 0.54) if car else (0.2, 0.26)
+    under, over = (0.3, 0.38) if car else (0.15, 0.19)
+    _put(panel, 1, 0.0, 1.0, 0.0, 0.14 * height, _DARK)
+    _put(panel, 2, 0.04, 0.16, low * height, high * height, lamp)
+    _put(panel, 3, 0.84, 0.96, low * height, high * height, lamp)
+    _put(panel, 4, 0.38, 0.62, under * height, over * height, plate)
+    _put(panel, 5, 0.1, 0.9, 0.6 * height, 0.9 * height, glass)
+    return 6 if car or side == 1 else 5
 
 
 @kernel
-def _seen_from(out, forward, left, up, p):  # type: ignore[no-untyped-def]
-    """out (3,): depth, to the right and up of a point in the vehicle frame, for the camera."""
-    f, g, u = forward - p.forward, left - p.left, up - p.height
-    ahead = p.cos_yaw * f + p.sin_yaw * g
-    out[0] = p.cos_pitch * ahead - p.sin_pitch * u
-    out[1] = p.sin_yaw * f - p.cos_yaw * g
-    out[2] = p.sin_pitch * ahead + p.cos_pitch * u
+def _put(panel, k, u0, u1, z0, z1, grey):  # type: ignore[no-untyped-def]
+    panel[k, 0], panel[k, 1], panel[k, 2], panel[k, 3], panel[k, 4] = u0, u1, z0, z1, grey
 
 
 @kernel
-def _panel(bodies, b, corner, p, x0, y0, x1, y1, u0, u1, z0, z1, grey, opacity):  # type: ignore[no-untyped-def]
-    """A part of an upright face over the ground line (x0, y0) -> (x1, y1): shares u of it, heights z."""
+def _on_ground(forward, left, p):  # type: ignore[no-untyped-def]
+    """(ahead, to the right) for the camera of a step on the ground in the vehicle frame."""
+    return p.cos_yaw * forward + p.sin_yaw * left, p.sin_yaw * forward - p.cos_yaw * left
+
+
+@kernel
+def _corner_of(box, lengths, widths):  # type: ignore[no-untyped-def]
+    """(ahead, to the right) of a place so many half lengths and half widths from the middle of a Box."""
+    return (
+        box.ahead + lengths * box.length_ahead + widths * box.width_ahead,
+        box.right + lengths * box.length_right + widths * box.width_right,
+    )
+
+
+@kernel
+def _highest_seen(ahead, rows, p):  # type: ignore[no-untyped-def]
+    """Height above the road (m) so far ahead that the upper edge of the lowest `rows` rows shows."""
+    t = (rows - 0.5 - p.center_y) / p.focal_y
+    return p.height + ahead * (t * p.cos_pitch - p.sin_pitch) / (p.cos_pitch + t * p.sin_pitch)
+
+
+@kernel
+def _out_of_image(box, height, rows, p):  # type: ignore[no-untyped-def]
+    """Whether a body is wholly beside or above the image, and no part of it near the camera's own place."""
+    left, right, above = True, True, True
     for q in range(4):
-        u = u0 if q in (0, 3) else u1
-        corner[q, 0] = x0 + u * (x1 - x0)
-        corner[q, 1] = y0 + u * (y1 - y0)
-        corner[q, 2] = z0 if q < 2 else z1
-    _polygon(bodies, b, corner, p, grey, opacity)
+        ahead, aside = _corner_of(box, 1.0 if q & 1 else -1.0, 1.0 if q & 2 else -1.0)
+        for z in (0.0, height):
+            depth = p.cos_pitch * ahead - p.sin_pitch * (z - p.height)
+            if depth < _NEAREST_M:
+                return False
+            left = left and p.focal * aside < -(p.center_x + 1.0) * depth
+            right = right and p.focal * aside > (WIDTH_PX - p.center_x) * depth
+        above = above and _highest_seen(ahead, rows, p) < 0.0
+    return left or right or above
 
 
 @kernel
-def _polygon(bodies, b, corner, p, grey, opacity):  # type: ignore[no-untyped-def]
-    """Project a quadrilateral (4, 3) in the vehicle frame, cut at the nearest depth, and keep it."""
+def _see(corner, q, ahead, right, up, p):  # type: ignore[no-untyped-def]
+    """corner[q] (3,): depth, to the right and up for the camera of a point `up` metres above the road."""
+    rise = up - p.height
+    corner[q, 0] = p.cos_pitch * ahead - p.sin_pitch * rise
+    corner[q, 1] = right
+    corner[q, 2] = p.sin_pitch * ahead + p.cos_pitch * rise
+
+
+@inlined
+def _polygon(bodies, b, p, grey, opacity):  # type: ignore[no-untyped-def]
+    """Project the quadrilateral of bodies.corner, cut at the nearest depth, and keep it."""
     q = bodies.polygons[b]
     if q >= POLYGONS:
         return
-    vertex = bodies.vertex[b, q]
-    camera = bodies.camera
-    for c in range(4):
-        _seen_from(camera[c], corner[c, 0], corner[c, 1], corner[c, 2], p)
+    vertex, corner = bodies.vertex[b, q], bodies.corner
     used = np.int64(0)  # a literal 0 would make another compiled variant
+    left, right, top = math.inf, -math.inf, -math.inf
     for c in range(4):
         d = (c + 1) % 4
-        z0, z1 = camera[c, 0], camera[d, 0]
-        if z0 >= _NEAREST_M:
-            vertex[used, 0] = p.center_x + p.focal * camera[c, 1] / z0
-            vertex[used, 1] = p.center_y + p.focal_y * camera[c, 2] / z0
+        z0, z1 = corner[c, 0], corner[d, 0]
+        for cut in range(2):
+            if cut == 0:
+                if z0 < _NEAREST_M:
+                    continue
+                depth, aside, rise = z0, corner[c, 1], corner[c, 2]
+            else:
+                if (z0 >= _NEAREST_M) == (z1 >= _NEAREST_M):
+                    continue
+                t = (_NEAREST_M - z0) / (z1 - z0)
+                depth = _NEAREST_M
+                aside = corner[c, 1] + t * (corner[d, 1] - corner[c, 1])
+                rise = corner[c, 2] + t * (corner[d, 2] - corner[c, 2])
+            near = 1.0 / depth
+            x, y = p.center_x + p.focal * aside * near, p.center_y + p.focal_y * rise * near
+            vertex[used, 0], vertex[used, 1] = x, y
+            left, right, top = min(left, x), max(right, x), max(top, y)
             used += 1
-        if (z0 >= _NEAREST_M) != (z1 >= _NEAREST_M):
-            t = (_NEAREST_M - z0) / (z1 - z0)
-            aside = camera[c, 1] + t * (camera[d, 1] - camera[c, 1])
-            rise = camera[c, 2] + t * (camera[d, 2] - camera[c, 2])
-            vertex[used, 0] = p.center_x + p.focal * aside / _NEAREST_M
-            vertex[used, 1] = p.center_y + p.focal_y * rise / _NEAREST_M
-            used += 1
-    if used < 3:
-        return
-    left, right, top = math.inf, -math.inf, -math.inf
-    for c in range(used):
-        left, right = min(left, vertex[c, 0]), max(right, vertex[c, 0])
-        top = max(top, vertex[c, 1])
-    if right < -1.0 or left > WIDTH_PX or top < -0.5:
+    if used < 3 or right < -1.0 or left > WIDTH_PX or top < -0.5:
         return
     bodies.vertices[b, q] = used
     bodies.grey[b, q] = grey

@@ -40,6 +40,7 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     canvas = np.empty((rows, width), np.float32)
     slot, borders = truth
     judged = borders.column.shape[0] == n
+    seen_rows = max(rows, borders.column.shape[2])
     middles, boxes = new_crossings(borders.column.shape[2] - 1), np.empty((objects.handle.shape[1], 4))
     lay(middles, 0.0, p)
     nodes = width // NODE_PX + 1
@@ -64,7 +65,7 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
             _trace_skyline(skyline, view, p, look.world_seed)
             for y in range(ground, rows):
                 _paint_sky(canvas[y], y - horizon, skyline, look)
-        place(bodies, objects, i, p, look)
+        place(bodies, objects, i, seen_rows, p, look)
         paint_bodies(canvas, bodies)
         if judged:
             column, painted = borders.column[i], borders.painted[i]

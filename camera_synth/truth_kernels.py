@@ -25,7 +25,7 @@ def locate_borders(column, painted, width, p, road, objects, right_slot, looks, 
     for i in range(n):
         look = look_of(looks, i)
         tabulate(curves, road, i, p)
-        place(bodies, objects, i, p, look)
+        place(bodies, objects, i, rows, p, look)
         view = view_of(x_m[i], y_m[i], heading_rad[i], p)
         locate(column[i], painted[i], width, p, curves, middles, bodies, boxes, right_slot[i], look, view)
 

@@ -35,7 +35,11 @@ def kernel(function: _F) -> _F:
 
 
 def inlined(function: _F) -> _F:
-    """`kernel`, for small matrices: LLVM puts it into those that call it, where the sizes are constants."""
+    """`kernel`, but LLVM puts it into those that call it.
+
+    For small matrices, whose sizes are constants there, and where a call costs more than what it does: every
+    field of every array of a NamedTuple is an argument of its own.
+    """
     return _compiled(function, {"forceinline": True})
 
 
