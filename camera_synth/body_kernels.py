@@ -7,6 +7,7 @@ import numpy as np
 
 from camera_synth.camera import WIDTH_PX
 from camera_synth.degrade import lattice_unit
+from camera_synth.ground_kernels import whole_vectors
 from sumo_net.compile import inlined, kernel
 
 Array = np.ndarray[Any, Any]
@@ -291,7 +292,7 @@ def frame_bodies(bodies, boxes):  # type: ignore[no-untyped-def]
                 boxes[b, 2], boxes[b, 3] = min(boxes[b, 2], y), max(boxes[b, 3], y)
 
 
-@kernel
+@inlined
 def hides(bodies, boxes, x, y):  # type: ignore[no-untyped-def]
     """Whether a body (not its shadow) covers the image point; boxes from `frame_bodies`."""
     for b in range(bodies.used[0]):
@@ -306,7 +307,7 @@ def hides(bodies, boxes, x, y):  # type: ignore[no-untyped-def]
     return False
 
 
-@kernel
+@inlined
 def _span(vertex, used, y):  # type: ignore[no-untyped-def]
     """(left, right) of a convex polygon at height y; left > right where it does not reach."""
     left, right = math.inf, -math.inf
@@ -319,7 +320,7 @@ def _span(vertex, used, y):  # type: ignore[no-untyped-def]
     return left, right
 
 
-@kernel
+@inlined
 def _paint_polygon(canvas, vertex, used, grey, opacity):  # type: ignore[no-untyped-def]
     """A convex polygon, by the share of each pixel that it covers."""
     rows, width = canvas.shape
@@ -334,9 +335,9 @@ def _paint_polygon(canvas, vertex, used, grey, opacity):  # type: ignore[no-unty
         left, right = max(left, -1.0), min(right, width + 0.0)
         if right <= left or high <= low:
             continue
-        first, last = max(math.floor(left + 0.5), 0), min(math.floor(right + 0.5), width - 1)
+        first, end = whole_vectors(math.floor(left + 0.5), math.floor(right + 0.5) + 1)
         _blend(
-            canvas[y, first : last + 1],
+            canvas[y, first:end],
             np.float32(first + 0.5 - left),
             np.float32(right + 0.5 - first),
             np.float32(min(right - left, 1.0)),
@@ -345,10 +346,11 @@ def _paint_polygon(canvas, vertex, used, grey, opacity):  # type: ignore[no-unty
         )
 
 
-@kernel
+@inlined
 def _blend(part, from_left, to_right, most, share, grey):  # type: ignore[no-untyped-def]
     """Blend grey into the pixels between two edges, by what they cover of each."""
+    zero = np.float32(0.0)
     for x in range(part.shape[0]):
         f = np.float32(np.int32(x))
-        cover = min(min(f + from_left, to_right - f), most)
+        cover = max(min(min(f + from_left, to_right - f), most), zero)
         part[x] += cover * share * (grey - part[x])

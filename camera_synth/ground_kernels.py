@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sumo_net.compile import kernel
+from camera_synth.camera import WIDTH_PX
+from sumo_net.compile import inlined, kernel
 from sumo_net.road import MAX_BORDERS
 
 Array = np.ndarray[Any, Any]
@@ -19,6 +20,7 @@ Array = np.ndarray[Any, Any]
 RIGHT_EDGE, LEFT_EDGE, PATH = MAX_BORDERS, MAX_BORDERS + 1, MAX_BORDERS + 2
 CURVES = MAX_BORDERS + 3
 FARTHEST_M = 3000.0  # rows that reach beyond are drawn as if they ended there
+VECTOR = 8  # float32 that are worked out together
 _MIN_FORWARD = 0.05  # cosine between a line and the camera's direction from which on the line is not followed
 
 
@@ -246,32 +248,48 @@ def _cross_curve(crossings, k, curves, first, last, endless, p):  # type: ignore
 
 
 @kernel
-def _ramp(t):  # type: ignore[no-untyped-def]
-    """The integral of clip(t, 0, 1)."""
-    if t <= 0.0:
-        return 0.0
-    if t >= 1.0:
-        return t - 0.5
-    return 0.5 * t * t
+def whole_vectors(first, end):  # type: ignore[no-untyped-def]
+    """(first, end) of the vectors that hold these pixels, within a row; empty where none of them lies in it.
+
+    Loops over whole vectors have no remainder; they have to leave the pixels beside as they are.
+    """
+    first, end = min(max(first, 0), WIDTH_PX), min(max(end, 0), WIDTH_PX)
+    return first // VECTOR * VECTOR, (end + VECTOR - 1) // VECTOR * VECTOR
+
+
+@inlined
+def _right_of(a, b, per_width):  # type: ignore[no-untyped-def]
+    """Mean of clip(t, 0, 1) over t from b to a = b + 1 / per_width: the share of a pixel right of an edge.
+
+    The edge moves over the row's height from a to b left of the pixel's right side.
+    """
+    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    low_a, low_b = min(max(a, zero), one), min(max(b, zero), one)
+    return (half * (low_a - low_b) * (low_a + low_b) + (max(a, one) - max(b, one))) * per_width
 
 
 @kernel
-def right_of(x, e0, e1):  # type: ignore[no-untyped-def]
-    """Share of pixel x (from x - 0.5 to x + 0.5) right of an edge that moves from e0 to e1 over the row."""
-    width = e1 - e0
-    if abs(width) < 1e-4:
-        return min(max(x + 0.5 - 0.5 * (e0 + e1), 0.0), 1.0)
-    return (_ramp(x + 0.5 - e0) - _ramp(x + 0.5 - e1)) / width
+def _apart(e0, e1):  # type: ignore[no-untyped-def]
+    """The ends of an edge, the lesser first, at least so far apart that float32 tells them."""
+    middle, half = 0.5 * (e0 + e1), max(0.5 * abs(e1 - e0), 0.005)
+    return middle - half, middle + half
 
 
 @kernel
 def paint_band(row, l0, l1, r0, r1, grey, opacity):  # type: ignore[no-untyped-def]
     """Blend `grey` into the row between a left edge l0 -> l1 and a right edge r0 -> r1 (bottom -> top)."""
-    first = max(0, math.floor(min(l0, l1) + 0.5))
-    last = min(row.shape[0] - 1, math.floor(max(r0, r1) + 0.5))
-    for x in range(first, last + 1):
-        cover = (right_of(x, l0, l1) - right_of(x, r0, r1)) * opacity
-        row[x] += np.float32(cover) * (np.float32(grey) - row[x])
+    l0, l1 = _apart(l0, l1)
+    r0, r1 = _apart(r0, r1)
+    first, end = whole_vectors(math.floor(l0 + 0.5), math.floor(r1 + 0.5) + 1)
+    part = row[first:end]
+    side = first + 0.5  # the first pixel's right side
+    l_a, l_b, per_l = np.float32(side - l0), np.float32(side - l1), np.float32(1.0 / (l1 - l0))
+    r_a, r_b, per_r = np.float32(side - r0), np.float32(side - r1), np.float32(1.0 / (r1 - r0))
+    share, level = np.float32(opacity), np.float32(grey)
+    for x in range(part.shape[0]):
+        f = np.float32(np.int32(x))
+        cover = _right_of(f + l_a, f + l_b, per_l) - _right_of(f + r_a, f + r_b, per_r)
+        part[x] += cover * share * (level - part[x])
 
 
 @kernel

@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from camera_synth.degrade import NODE_PX, fade, noise_line
-from camera_synth.ground_kernels import row_line
+from camera_synth.ground_kernels import VECTOR, row_line
 from sumo_net.compile import kernel
 
 SAMPLES = 6.0  # rows a wavelength, at least, where the image has as many
 STRIDES = (1, 2, 4)  # that divide the number of nodes
-VECTOR = 8  # float32 that are worked out together
 
 
 class Octave(NamedTuple):

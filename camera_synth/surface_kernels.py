@@ -10,12 +10,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camera_synth.camera import WIDTH_PX
 from camera_synth.degrade import NODE_PX, fade, soft_step, value_noise
-from camera_synth.ground_kernels import LEFT_EDGE, RIGHT_EDGE, paint_band, paint_dashes, row_line
+from camera_synth.ground_kernels import (
+    LEFT_EDGE,
+    RIGHT_EDGE,
+    paint_band,
+    paint_dashes,
+    row_line,
+    whole_vectors,
+)
 from camera_synth.pattern_kernels import Octave, add_octave
-from sumo_net.compile import kernel
+from sumo_net.compile import inlined, kernel
 from sumo_net.road import DASHED, MAX_BORDERS
 
+_LEAST_LANE_PX = 11.5  # narrower, its tracks are no pixels any more
 _FAR = 1.0e6  # columns; stands for an edge outside the image
 
 
@@ -145,23 +154,22 @@ def paint_tracks(canvas, first, end, crossings, look):  # type: ignore[no-untype
             if kind[y, k] == 0 or kind[y, k + 1] == 0 or kind[y + 1, k] == 0 or kind[y + 1, k + 1] == 0:
                 continue
             a = 0.5 * (column[y, k] + column[y + 1, k])
-            span = 0.5 * (column[y, k + 1] + column[y + 1, k + 1]) - a
-            half = 0.13 * abs(span)
-            if half >= 1.5 and max(a, a + span) > 0.0 and min(a, a + span) < row.shape[0]:
-                _paint_track(row, a + 0.3 * span, half, look.wheel_tracks)
-                _paint_track(row, a + 0.7 * span, half, look.wheel_tracks)
+            b = 0.5 * (column[y, k + 1] + column[y + 1, k + 1])
+            if abs(b - a) >= _LEAST_LANE_PX and max(a, b) > 0.0 and min(a, b) < WIDTH_PX:
+                _paint_lane(row, 0.5 * (a + b), abs(b - a), look.wheel_tracks)
 
 
-@kernel
-def _paint_track(row, centre, half, grey):  # type: ignore[no-untyped-def]
-    first = min(max(math.ceil(centre - half), 0), row.shape[0])
-    end = min(max(math.floor(centre + half) + 1, 0), row.shape[0])
+@inlined
+def _paint_lane(row, centre, width, grey):  # type: ignore[no-untyped-def]
+    """The tracks of a lane: 0.2 of its width to either side of its centre, of half a width 0.13."""
+    reach = 0.33 * width
+    first, end = whole_vectors(math.ceil(centre - reach), math.floor(centre + reach) + 1)
     part = row[first:end]
-    start, scale = np.float32((first - centre) / half), np.float32(1.0 / half)
-    depth, one = np.float32(grey), np.float32(1.0)
+    scale, start = np.float32(1.0 / (0.13 * width)), np.float32((first - centre) / (0.13 * width))
+    depth, zero, one, off = np.float32(grey), np.float32(0.0), np.float32(1.0), np.float32(0.2 / 0.13)
     for x in range(part.shape[0]):
-        t = start + np.float32(np.int32(x)) * scale
-        t = one - t * t
+        t = abs(start + np.float32(np.int32(x)) * scale) - off
+        t = max(one - t * t, zero)
         part[x] -= depth * t * t
 
 
@@ -202,7 +210,7 @@ def paint_markings(canvas, lowest, end, crossings, look, view, p):  # type: igno
                 paint_band(row, l0, l1, r0, r1, grey, opacity)
 
 
-@kernel
+@inlined
 def paint_left(look, x, y, footprint):  # type: ignore[no-untyped-def]
     """Opacity of the paint at a place in the world."""
     seed, wear = look.world_seed, look.wear

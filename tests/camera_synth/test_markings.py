@@ -8,6 +8,7 @@ from shots import ASPHALT, PAINT, plain, row_of, shoot
 from test_camera import project_opencv
 
 from camera_synth.camera import Camera
+from camera_synth.ground_kernels import paint_band
 from sumo_net.road import AHEAD_M, OWN_RIGHT, SOLID
 from tests.roads import road_ahead
 
@@ -149,3 +150,19 @@ def test_a_vehicle_without_a_road_sees_grass() -> None:
     road.border_kind[:] = 0
     frame = shoot(road, plain())[0]
     assert np.all(np.abs(frame[90:].astype(float) - 60.0) <= 1.0)
+
+
+@pytest.mark.parametrize("slant", [0.0, 1e-3, 0.02, 0.7, 40.0])
+def test_a_band_covers_of_each_pixel_what_lies_between_its_edges(slant: float) -> None:
+    columns_px = np.arange(320.0)
+    up = (np.arange(2000) + 0.5) / 2000  # over the row's height
+    for left in (-30.2, -0.4, 0.5, 17.0, 101.3, 318.9, 340.0):
+        for width in (0.05, 0.8, 6.3, 33.0):
+            for change in (slant, -slant):
+                row = np.zeros(320, np.float32)
+                paint_band(row, left, left + change, left + width, left + width + 0.5 * change, 1.0, 1.0)
+                l_edge, r_edge = left + change * up, left + width + 0.5 * change * up
+                right_of = [np.clip(columns_px[:, None] + 0.5 - e, 0.0, 1.0) for e in (l_edge, r_edge)]
+                expected = (right_of[0] - right_of[1]).mean(axis=1)
+                if (l_edge < r_edge).all():
+                    np.testing.assert_allclose(row, expected, atol=2e-3)
