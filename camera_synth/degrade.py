@@ -37,11 +37,22 @@ times: Any = intrinsic(_times)
 
 @kernel
 def _lattice(hu, hv):  # type: ignore[no-untyped-def]
-    """float32 in [-1, 1) of a lattice point, given its two scrambled coordinates."""
+    """float32 in [0, 2³²] of a lattice point, given its two scrambled coordinates."""
     h = np.uint32(hu ^ hv)
-    h = times(np.uint32(h ^ (h >> np.uint32(15))), _M1)
-    h = np.uint32(h ^ (h >> np.uint32(13)))
-    return np.float32(np.int32(h >> np.uint32(8))) * np.float32(1.0 / 8388608.0) - np.float32(1.0)
+    return np.float32(times(np.uint32(h ^ (h >> np.uint32(15))), _M1))
+
+
+@kernel
+def _between(hu, hv, a, b):  # type: ignore[no-untyped-def]
+    """Smooth noise in [-1, 1] in a cell of the lattice: shares a and b of its sides from point (hu, hv)."""
+    two, three = np.float32(2.0), np.float32(3.0)
+    hu1, hv1 = np.uint32(hu + _P1), np.uint32(hv + _P2)
+    a = a * a * (three - two * a)
+    b = b * b * (three - two * b)
+    near, far = _lattice(hu, hv), _lattice(hu, hv1)
+    low = near + (_lattice(hu1, hv) - near) * a
+    high = far + (_lattice(hu1, hv1) - far) * a
+    return (low + (high - low) * b) * np.float32(2.0**-31) - np.float32(1.0)
 
 
 @kernel
@@ -56,44 +67,31 @@ def noise_line(out, u, v, du, dv, seed):  # type: ignore[no-untyped-def]
     su, sv = np.float32(du), np.float32(dv)
     bu, bv = np.uint32(np.int64(cell_u)), np.uint32(np.int64(cell_v))
     salt = np.uint32(np.uint32(seed) * _P3)
-    one, two, three = np.float32(1.0), np.float32(2.0), np.float32(3.0)
     for i in range(out.shape[0]):
         at = np.float32(np.int32(i))
         x = u0 + at * su
         y = v0 + at * sv
         fx, fy = np.floor(x), np.floor(y)
-        a, b = x - fx, y - fy
         hu = np.uint32(np.uint32(bu + np.uint32(np.int32(fx))) * _P1)
         hv = np.uint32(np.uint32(np.uint32(bv + np.uint32(np.int32(fy))) * _P2) + salt)
-        hu1, hv1 = np.uint32(hu + _P1), np.uint32(hv + _P2)
-        a = a * a * (three - two * a)
-        b = b * b * (three - two * b)
-        low = _lattice(hu, hv) * (one - a) + _lattice(hu1, hv) * a
-        high = _lattice(hu, hv1) * (one - a) + _lattice(hu1, hv1) * a
-        out[i] = low + (high - low) * b
+        out[i] = _between(hu, hv, x - fx, y - fy)
 
 
 @kernel
 def value_noise(u, v, seed):  # type: ignore[no-untyped-def]
     """The same noise at one point."""
     cell_u, cell_v = math.floor(u), math.floor(v)
-    a, b = np.float32(u - cell_u), np.float32(v - cell_v)
-    one, two, three = np.float32(1.0), np.float32(2.0), np.float32(3.0)
     hu = np.uint32(np.uint32(np.int64(cell_u)) * _P1)
     hv = np.uint32(np.uint32(np.uint32(np.int64(cell_v)) * _P2) + np.uint32(np.uint32(seed) * _P3))
-    hu1, hv1 = np.uint32(hu + _P1), np.uint32(hv + _P2)
-    a = a * a * (three - two * a)
-    b = b * b * (three - two * b)
-    low = _lattice(hu, hv) * (one - a) + _lattice(hu1, hv) * a
-    high = _lattice(hu, hv1) * (one - a) + _lattice(hu1, hv1) * a
-    return np.float64(low + (high - low) * b)
+    return np.float64(_between(hu, hv, np.float32(u - cell_u), np.float32(v - cell_v)))
 
 
 @kernel
 def lattice_unit(cell, seed):  # type: ignore[no-untyped-def]
     """A uniform draw in [0, 1) for an integer cell."""
-    h = np.uint32(np.uint32(cell) * _P1)
-    return 0.5 + 0.5 * np.float64(_lattice(h, np.uint32(np.uint32(seed) * _P3)))
+    h = np.uint32(np.uint32(np.uint32(cell) * _P1) ^ np.uint32(np.uint32(seed) * _P3))
+    h = times(np.uint32(h ^ (h >> np.uint32(15))), _M1)
+    return np.float64(np.uint32(h ^ (h >> np.uint32(13))) >> np.uint32(8)) * 2.0**-24
 
 
 @kernel

@@ -6,14 +6,14 @@ import numpy as np
 
 from camera_synth.degrade import NODE_PX, lattice_unit
 from camera_synth.ground_kernels import PATH
-from camera_synth.pattern_kernels import Octave, add_octave
+from camera_synth.pattern_kernels import NODES, ROOM, Octave, add_octave
 from camera_synth.surface_kernels import strip_of
 from sumo_net.compile import kernel
 
 
 @kernel
 def cast_light(grid, rows, ground, crossings, look, view, p):  # type: ignore[no-untyped-def]
-    """The light on the lowest `rows` rows, on `grid` (rows, nodes); whether it is not just daylight."""
+    """The light on the lowest `rows` rows, on `grid` (rows, ROOM); whether it is not just daylight."""
     if look.shadow <= 0.0 and look.overpass <= 0.0 and look.headlight <= 0.0:
         return False
     if look.shadow > 0.0:
@@ -53,7 +53,7 @@ def _dim(row, scale, haze):  # type: ignore[no-untyped-def]
 @kernel
 def _shade(row, node, scale, haze):  # type: ignore[no-untyped-def]
     part = scale * np.float32(1.0 / NODE_PX)
-    for m in range(node.shape[0] - 1):
+    for m in range(NODES - 1):
         at, rise = node[m] * scale, (node[m + 1] - node[m]) * part
         for k in range(NODE_PX):
             row[NODE_PX * m + k] = row[NODE_PX * m + k] * (at + np.float32(np.int32(k)) * rise) + haze
@@ -64,7 +64,7 @@ def _headlights(node, look, strip):  # type: ignore[no-untyped-def]
     """Turn the share of daylight in `node` into light, with the headlights'."""
     fall = 1.0 + strip.ahead / look.headlight_reach_m
     beam, width = look.headlight / (fall * fall), 2.0 + 0.18 * strip.ahead
-    for m in range(node.shape[0]):
+    for m in range(NODES):
         t = (strip.aside + strip.step * NODE_PX * m) / width
         node[m] = np.float32(look.ambient * node[m] + beam / (1.0 + t * t))
 
@@ -80,10 +80,10 @@ def _overpass_shadow(node, y, crossings, look, strip):  # type: ignore[no-untype
     centre = 0.5 * (crossings.aside[y, PATH] + crossings.aside[y + 1, PATH])
     first = middle + (strip.aside - centre) * sideways
     step = strip.step * NODE_PX * sideways
-    end = first + step * (node.shape[0] - 1)
+    end = first + step * (NODES - 1)
     if max(first, end) + half <= near or min(first, end) - half >= far:
         return
-    for m in range(node.shape[0]):
+    for m in range(NODES):
         s = first + step * m
         inside = max(min(s + half, far) - max(s - half, near), 0.0) / (2.0 * half)
         node[m] *= np.float32(1.0 - look.overpass * inside)
@@ -111,7 +111,7 @@ def _tree_shadow(grid, rows, ground, look, view, p):  # type: ignore[no-untyped-
     half = np.float32(0.5)
     for y in range(rows):
         node = grid[y]
-        for m in range(node.shape[0]):
+        for m in range(ROOM):
             t = min(max((node[m] - threshold) * sharp + half, zero), one)
             node[m] = one - strength * (t * t * (three - two * t))
 

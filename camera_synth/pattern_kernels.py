@@ -9,10 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from camera_synth.camera import WIDTH_PX
 from camera_synth.degrade import NODE_PX, fade, noise_line
 from camera_synth.ground_kernels import VECTOR, row_line
-from sumo_net.compile import kernel
+from sumo_net.compile import inlined, kernel
 
+NODES = WIDTH_PX // NODE_PX + 1  # of a row
+ROOM = VECTOR * ((NODES + VECTOR - 1) // VECTOR)  # the same, filled up to whole vectors
 SAMPLES = 6.0  # rows a wavelength, at least, where the image has as many
 STRIDES = (1, 2, 4)  # that divide the number of nodes
 
@@ -35,16 +38,15 @@ class Ground(NamedTuple):
 
     ahead: np.ndarray  # (rows,) m from the camera to the middle of a row
     footprint: np.ndarray  # (rows,) m of it that a row spans
-    node: np.ndarray  # (nodes, filled up to whole vectors) float32 scratch
+    node: np.ndarray  # (ROOM,) float32 scratch
     low: np.ndarray  # the same
     high: np.ndarray  # the same
 
 
 @kernel
-def ground_of(rows, nodes, p):  # type: ignore[no-untyped-def]
-    """The Ground of the lowest `rows` rows, with scratch for `nodes` nodes a row."""
+def ground_of(rows, p):  # type: ignore[no-untyped-def]
+    """The Ground of the lowest `rows` rows."""
     ahead, footprint = np.empty(rows), np.empty(rows)
-    room = VECTOR * ((nodes + VECTOR - 1) // VECTOR)
     for y in range(rows):
         below, _ = row_line(y - 0.5, p)
         above, _ = row_line(y + 0.5, p)
@@ -53,9 +55,9 @@ def ground_of(rows, nodes, p):  # type: ignore[no-untyped-def]
     return Ground(
         ahead,
         footprint,
-        np.zeros(room, np.float32),
-        np.zeros(room, np.float32),
-        np.zeros(room, np.float32),
+        np.zeros(ROOM, np.float32),
+        np.zeros(ROOM, np.float32),
+        np.zeros(ROOM, np.float32),
     )
 
 
@@ -63,7 +65,7 @@ def ground_of(rows, nodes, p):  # type: ignore[no-untyped-def]
 def add_octave(grid, rows, ground, octave, view, p):  # type: ignore[no-untyped-def]
     """grid[y] += amplitude · N on the lowest `rows` rows; returns how many rows the octave reaches.
 
-    grid (rows, nodes) float32. The octave fades out where a row spans more than a quarter of its wavelength.
+    grid (rows, ROOM) float32. The octave fades out where a row spans more than a quarter of its wavelength.
     """
     ahead, footprint, wavelength = ground.ahead, ground.footprint, octave.wavelength
     reach = 0
@@ -91,7 +93,7 @@ def add_octave(grid, rows, ground, octave, view, p):  # type: ignore[no-untyped-
     return reach
 
 
-@kernel
+@inlined
 def _noise_row(out, node, ahead, octave, view, p):  # type: ignore[no-untyped-def]
     """The octave on the nodes of the ground line `ahead` of the camera; `node` is scratch."""
     stride = octave.stride
@@ -105,22 +107,22 @@ def _noise_row(out, node, ahead, octave, view, p):  # type: ignore[no-untyped-de
     if stride == 1:
         noise_line(out, u, v, du, dv, octave.seed)
         return
-    some = node[: VECTOR * ((out.shape[0] // stride + VECTOR - 1) // VECTOR)]
+    some = node[: VECTOR * ((ROOM // stride + VECTOR - 1) // VECTOR)]
     noise_line(some, u, v, du, dv, octave.seed)
     part, two, three = np.float32(1.0 / stride), np.float32(2.0), np.float32(3.0)
     if stride == 2:
-        for m in range(out.shape[0] // 2 - 1):
+        for m in range(ROOM // 2 - 1):
             at, rise = some[m], (some[m + 1] - some[m]) * part
             out[2 * m], out[2 * m + 1] = at, at + rise
     else:
-        for m in range(out.shape[0] // 4 - 1):
+        for m in range(ROOM // 4 - 1):
             at, rise = some[m], (some[m + 1] - some[m]) * part
             out[4 * m], out[4 * m + 1] = at, at + rise
             out[4 * m + 2], out[4 * m + 3] = at + two * rise, at + three * rise
 
 
-@kernel
+@inlined
 def _add_between(out, low, high, share_low, share_high):  # type: ignore[no-untyped-def]
     a, b = np.float32(share_low), np.float32(share_high)
-    for m in range(out.shape[0]):
+    for m in range(ROOM):
         out[m] += a * low[m] + b * high[m]

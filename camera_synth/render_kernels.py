@@ -6,10 +6,10 @@ import numpy as np
 
 from camera_synth.body_kernels import new_bodies, paint_bodies, place
 from camera_synth.condition import look_of
-from camera_synth.degrade import NODE_PX, value_noise
+from camera_synth.degrade import value_noise
 from camera_synth.ground_kernels import cross, lay, new_crossings, new_curves, tabulate
 from camera_synth.light_kernels import cast_light, light_ground
-from camera_synth.pattern_kernels import ground_of
+from camera_synth.pattern_kernels import NODES, ROOM, ground_of
 from camera_synth.sensor_kernels import exposure_of, read_out
 from camera_synth.surface_kernels import (
     paint_ground,
@@ -43,10 +43,9 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     seen_rows = max(rows, borders.column.shape[2])
     middles, boxes = new_crossings(borders.column.shape[2] - 1), np.empty((objects.handle.shape[1], 4))
     lay(middles, 0.0, p)
-    nodes = width // NODE_PX + 1
-    node, skyline = np.zeros(nodes, np.float32), np.zeros(width, np.float32)
-    texture, light = np.zeros((rows, nodes), np.float32), np.zeros((rows, nodes), np.float32)
-    strips = ground_of(ground, nodes, p)
+    node, skyline = np.zeros(NODES, np.float32), np.zeros(width, np.float32)
+    texture, light = np.zeros((rows, ROOM), np.float32), np.zeros((rows, ROOM), np.float32)
+    strips = ground_of(ground, p)
     for i in range(n):
         look = look_of(looks, i)
         view = view_of(x_m[i], y_m[i], heading_rad[i], p)

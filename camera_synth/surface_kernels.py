@@ -20,7 +20,7 @@ from camera_synth.ground_kernels import (
     row_line,
     whole_vectors,
 )
-from camera_synth.pattern_kernels import Octave, add_octave
+from camera_synth.pattern_kernels import NODES, Octave, add_octave
 from sumo_net.compile import inlined, kernel
 from sumo_net.road import DASHED, MAX_BORDERS
 
@@ -81,7 +81,7 @@ def strip_of(y, footprint, view, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def texture_ground(grid, rows, ground, look, view, p):  # type: ignore[no-untyped-def]
-    """The texture of the lowest `rows` rows on `grid` (rows, nodes); returns how many rows have any.
+    """The texture of the lowest `rows` rows on `grid` (rows, ROOM); returns how many rows have any.
 
     A row's footprint grows upwards, so texture ends at some row.
     """
@@ -131,7 +131,7 @@ def _tone(row, node, textured, rise_l, at_l, rise_r, at_r, verge, asphalt, stren
     less, step = strength - rough, asphalt - verge
     if textured:
         part = np.float32(1.0 / NODE_PX)
-        for m in range(node.shape[0] - 1):
+        for m in range(NODES - 1):
             at, rise = node[m], (node[m + 1] - node[m]) * part
             for k in range(NODE_PX):
                 f = np.float32(NODE_PX * m + k)
