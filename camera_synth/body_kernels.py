@@ -29,6 +29,7 @@ class Bodies(NamedTuple):
     vertices: Array  # (M, POLYGONS) int64
     grey: Array  # (M, POLYGONS)
     opacity: Array  # (M, POLYGONS)
+    whole: Array  # (M, POLYGONS) bool: a whole face, not its shadow nor what is on a face
     order: Array  # (M,) int64
     distance: Array  # (M,) m
     panel: Array  # (PANELS, 5) of a face: shares of its width from and to, heights from and to in m, grey
@@ -56,6 +57,7 @@ def new_bodies(count):  # type: ignore[no-untyped-def]
         np.zeros((count, POLYGONS), np.int64),
         np.zeros((count, POLYGONS)),
         np.zeros((count, POLYGONS)),
+        np.zeros((count, POLYGONS), np.bool_),
         np.zeros(count, np.int64),
         np.zeros(count),
         np.zeros((PANELS, 5)),
@@ -124,7 +126,7 @@ def _place_body(bodies, b, objects, i, m, rows, p, light, haze):  # type: ignore
             a, c = 1.0 if q in (0, 3) else -1.0, 1.0 if q in (0, 1) else -1.0
             ahead_q, right_q = _corner_of(shadow, a, c)
             _see(bodies.corner, q, ahead_q, right_q, 0.0, p)
-        _polygon(bodies, b, p, _DARK * light + haze, 0.75)
+        _polygon(bodies, b, p, _DARK * light + haze, 0.75, False)
     box = Box(ahead, right, half_l * along[0], half_l * along[1], half_w * aside[0], half_w * aside[1])
     for side in range(4):  # rear, front, left, right
         if side == 0 and cf < -half_l:
@@ -150,7 +152,7 @@ def _place_body(bodies, b, objects, i, m, rows, p, light, haze):  # type: ignore
             for q in range(4):
                 u, z = panel[k, 0 if q in (0, 3) else 1], panel[k, 2 if q < 2 else 3]
                 _see(bodies.corner, q, begin[0] + u * run_ahead, begin[1] + u * run_right, z, p)
-            _polygon(bodies, b, p, panel[k, 4] * light + haze, 1.0)
+            _polygon(bodies, b, p, panel[k, 4] * light + haze, 1.0, k == 0)
 
 
 @kernel
@@ -232,7 +234,7 @@ def _see(corner, q, ahead, right, up, p):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _polygon(bodies, b, p, grey, opacity):  # type: ignore[no-untyped-def]
+def _polygon(bodies, b, p, grey, opacity, whole):  # type: ignore[no-untyped-def]
     """Project the quadrilateral of bodies.corner, cut at the nearest depth, and keep it."""
     q = bodies.polygons[b]
     if q >= POLYGONS:
@@ -265,6 +267,7 @@ def _polygon(bodies, b, p, grey, opacity):  # type: ignore[no-untyped-def]
     bodies.vertices[b, q] = used
     bodies.grey[b, q] = grey
     bodies.opacity[b, q] = opacity
+    bodies.whole[b, q] = whole
     bodies.polygons[b] = q + 1
 
 
@@ -278,33 +281,21 @@ def paint_bodies(canvas, bodies):  # type: ignore[no-untyped-def]
             )
 
 
-@kernel
-def frame_bodies(bodies, boxes):  # type: ignore[no-untyped-def]
-    """Fill boxes (bodies, 4) with the bodies' (left, right, bottom, top) in the image, shadows apart."""
-    for b in range(bodies.used[0]):
-        boxes[b, 0], boxes[b, 1], boxes[b, 2], boxes[b, 3] = math.inf, -math.inf, math.inf, -math.inf
-        for q in range(bodies.polygons[b]):
-            if bodies.opacity[b, q] < 1.0:
-                continue
-            for c in range(bodies.vertices[b, q]):
-                x, y = bodies.vertex[b, q, c, 0], bodies.vertex[b, q, c, 1]
-                boxes[b, 0], boxes[b, 1] = min(boxes[b, 0], x), max(boxes[b, 1], x)
-                boxes[b, 2], boxes[b, 3] = min(boxes[b, 2], y), max(boxes[b, 3], y)
-
-
 @inlined
-def hides(bodies, boxes, x, y):  # type: ignore[no-untyped-def]
-    """Whether a body (not its shadow) covers the image point; boxes from `frame_bodies`."""
+def hide(column, bodies):  # type: ignore[no-untyped-def]
+    """Make column (rows,), a line's in each image row, NaN where a body (not its shadow) covers it."""
     for b in range(bodies.used[0]):
-        if not (boxes[b, 0] <= x <= boxes[b, 1] and boxes[b, 2] <= y <= boxes[b, 3]):
-            continue
         for q in range(bodies.polygons[b]):
-            if bodies.opacity[b, q] < 1.0:
+            if not bodies.whole[b, q]:
                 continue
-            left, right = _span(bodies.vertex[b, q], bodies.vertices[b, q], y)
-            if left <= x <= right:
-                return True
-    return False
+            vertex, used = bodies.vertex[b, q], bodies.vertices[b, q]
+            bottom, top = math.inf, -math.inf
+            for c in range(used):
+                bottom, top = min(bottom, vertex[c, 1]), max(top, vertex[c, 1])
+            for y in range(max(math.ceil(bottom), 0), math.floor(min(top, column.shape[0] - 1.0)) + 1):
+                left, right = _span(vertex, used, y)
+                if left <= column[y] <= right:
+                    column[y] = math.nan
 
 
 @inlined

@@ -47,6 +47,7 @@ class Crossings(NamedTuple):
     """
 
     ahead: Array  # (rows + 1,)
+    magnify: Array  # (rows + 1,) columns per metre to the side
     kind: Array  # (rows + 1, CURVES) int8, 0 where the curve does not cross
     column: Array  # (rows + 1, CURVES)
     scale: Array  # (rows + 1, CURVES) columns per metre across the curve
@@ -77,6 +78,7 @@ def new_curves(samples):  # type: ignore[no-untyped-def]
 def new_crossings(rows):  # type: ignore[no-untyped-def]
     """Empty Crossings for image rows 0 to `rows` - 1."""
     return Crossings(
+        np.zeros(rows + 1),
         np.zeros(rows + 1),
         np.zeros((rows + 1, CURVES), np.int8),
         np.zeros((rows + 1, CURVES)),
@@ -190,18 +192,18 @@ def row_line(y, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def cross(crossings, curves, lowest, p):  # type: ignore[no-untyped-def]
-    """Fill `crossings` from `curves` for a camera with Projection p; entry e is at height `lowest` + e."""
-    lay(crossings, lowest, p)
-    for k in range(CURVES):
-        cross_curve(crossings, curves, k, p)
-
-
-@kernel
 def lay(crossings, lowest, p):  # type: ignore[no-untyped-def]
     """The ground lines of `crossings`; entry e is at height `lowest` + e."""
     for e in range(crossings.ahead.shape[0]):
-        crossings.ahead[e], _ = row_line(np.float64(lowest + e), p)
+        crossings.ahead[e], depth = row_line(np.float64(lowest + e), p)
+        crossings.magnify[e] = p.focal / depth
+
+
+@kernel
+def cross(crossings, curves, p):  # type: ignore[no-untyped-def]
+    """Fill `crossings`, laid, from `curves` for a camera with Projection p."""
+    for k in range(CURVES):
+        cross_curve(crossings, curves, k, p)
 
 
 @kernel
@@ -221,13 +223,16 @@ def _cross_curve(crossings, k, curves, first, last, endless, p):  # type: ignore
     ahead_of, kind, column = crossings.ahead, crossings.kind, crossings.column
     scale, station, aside_of, slope_of = crossings.scale, crossings.station, crossings.aside, crossings.slope
     start, cubic, passed, advance = curves.start, curves.cubic, curves.station, curves.advance
-    pieces = curves.kind
+    pieces, magnify = curves.kind, crossings.magnify
     j = first
+    end = start[k, j + 1] - start[k, j]
+    rate = advance[j] / end
     for e in range(ahead_of.shape[0]):
         ahead = ahead_of[e]
         while j < last - 1 and ahead >= start[k, j + 1]:
             j += 1
-        end = start[k, j + 1] - start[k, j]
+            end = start[k, j + 1] - start[k, j]
+            rate = advance[j] / end
         u = ahead - start[k, j]
         if u > end and not endless:
             kind[e, k] = 0
@@ -237,14 +242,13 @@ def _cross_curve(crossings, k, curves, first, last, endless, p):  # type: ignore
         c1, c2, c3 = cubic[k, j, 1], cubic[k, j, 2], cubic[k, j, 3]
         slope = c1 + v * (2.0 * c2 + v * 3.0 * c3)
         aside = cubic[k, j, 0] + v * (c1 + v * (c2 + v * c3)) + slope * outside
-        depth = p.cos_pitch * ahead + p.sin_pitch * p.height
         stretch = math.sqrt(1.0 + slope * slope)
         kind[e, k] = pieces[k, j]
         aside_of[e, k] = aside
         slope_of[e, k] = slope
-        column[e, k] = p.center_x - p.focal * aside / depth
-        scale[e, k] = stretch * p.focal / depth
-        station[e, k] = passed[j] + v * (advance[j] / end) + stretch * outside
+        column[e, k] = p.center_x - magnify[e] * aside
+        scale[e, k] = stretch * magnify[e]
+        station[e, k] = passed[j] + v * rate + stretch * outside
 
 
 @kernel
@@ -293,14 +297,12 @@ def paint_band(row, l0, l1, r0, r1, grey, opacity):  # type: ignore[no-untyped-d
 
 
 @kernel
-def paint_dashes(row, l0, l1, r0, r1, s0, s1, stroke, period, grey, opacity):  # type: ignore[no-untyped-def]
-    """As paint_band, for a line painted where (station mod period) < stroke; stations s0 -> s1 over the row.
+def paint_dashes(row, l0, l1, r0, r1, phase, length, stroke, period, grey, opacity):  # type: ignore[no-untyped-def]
+    """As paint_band, for a line painted where (station mod period) < stroke; from `phase` on for `length`.
 
     A stroke that begins or ends in the row covers its part of the row's trapezoid; rows longer than a period
     get the painted share.
     """
-    length = s1 - s0
-    phase = s0 - math.floor(s0 / period) * period
     if length >= period:
         whole = math.floor((phase + length) / period)
         rest = phase + length - whole * period

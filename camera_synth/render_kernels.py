@@ -41,7 +41,8 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     slot, borders = truth
     judged = borders.column.shape[0] == n
     seen_rows = max(rows, borders.column.shape[2])
-    middles, boxes = new_crossings(borders.column.shape[2] - 1), np.empty((objects.handle.shape[1], 4))
+    middles = new_crossings(borders.column.shape[2] - 1)
+    lay(crossings, -0.5, p)
     lay(middles, 0.0, p)
     node, skyline = np.zeros(NODES, np.float32), np.zeros(width, np.float32)
     texture, light = np.zeros((rows, ROOM), np.float32), np.zeros((rows, ROOM), np.float32)
@@ -50,7 +51,7 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
         look = look_of(looks, i)
         view = view_of(x_m[i], y_m[i], heading_rad[i], p)
         tabulate(curves, road, i, p)
-        cross(crossings, curves, -0.5, p)
+        cross(crossings, curves, p)
         textured = texture_ground(texture, ground, strips, look, view, p)
         uneven = cast_light(light, ground, strips, crossings, look, view, p)
         for first in range(0, ground, BLOCK_ROWS):
@@ -68,7 +69,7 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
         paint_bodies(canvas, bodies)
         if judged:
             column, painted = borders.column[i], borders.painted[i]
-            locate(column, painted, width, p, curves, middles, bodies, boxes, slot[i], look, view)
+            locate(column, painted, width, p, curves, middles, bodies, slot[i], look, view)
         exposure = exposure_of(look, view.sin, view.cos, horizon, p, keys[i], counters[i])
         read_out(frames[i], canvas, node, exposure, keys[i], counters[i])
 

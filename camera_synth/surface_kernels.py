@@ -66,7 +66,8 @@ def view_of(x, y, heading, p):  # type: ignore[no-untyped-def]
 def strip_of(y, footprint, view, p):  # type: ignore[no-untyped-def]
     """The Strip of image row y."""
     ahead, depth = row_line(np.float64(y), p)
-    aside, step = p.center_x * depth / p.focal, -depth / p.focal
+    step = -depth / p.focal
+    aside = -p.center_x * step
     return Strip(
         ahead,
         footprint,
@@ -178,6 +179,7 @@ def paint_markings(canvas, lowest, end, crossings, look, view, p):  # type: igno
     """The lines on rows `lowest` to `end` - 1, by what they cover of each pixel, less what is worn."""
     kind, column, scale, station = crossings.kind, crossings.column, crossings.scale, crossings.station
     stroke, period = look.dash_stroke_m, look.dash_stroke_m + look.dash_gap_m
+    per_period = 1.0 / period
     worn = look.wear > 0.0 or look.missing > 0.0
     grey = look.paint_grey
     for y in range(lowest, end):
@@ -198,14 +200,15 @@ def paint_markings(canvas, lowest, end, crossings, look, view, p):  # type: igno
             s0, s1 = station[y, k], station[y + 1, k]
             l0, l1, r0, r1 = c0 - h0, c1 - h1, c0 + h0, c1 + h1
             dashed = kind[y, k] == DASHED
-            if dashed and s1 - math.floor(s0 / period) * period < period and s0 % period > stroke:
+            phase = s0 - math.floor(s0 * per_period) * period
+            if dashed and phase > stroke and phase + (s1 - s0) < period:
                 continue
             opacity = 1.0
             if worn:
                 x = 0.5 * (c0 + c1)
                 opacity = paint_left(look, strip.x + x * strip.dx, strip.y + x * strip.dy, strip.footprint)
             if dashed:
-                paint_dashes(row, l0, l1, r0, r1, s0, s1, stroke, period, grey, opacity)
+                paint_dashes(row, l0, l1, r0, r1, phase, s1 - s0, stroke, period, grey, opacity)
             else:
                 paint_band(row, l0, l1, r0, r1, grey, opacity)
 
@@ -216,17 +219,23 @@ def paint_left(look, x, y, footprint):  # type: ignore[no-untyped-def]
     seed, wear = look.world_seed, look.wear
     opacity = 1.0
     if wear > 0.0:
-        patch = 0.6 * value_noise(x / 9.0, y / 9.0, seed + 21)
+        patch = 0.6 * _patches(9.0, x, y, seed + 21)
         amplitude = fade(1.3, footprint)
         if amplitude > 0.0:
-            patch += 0.7 * amplitude * value_noise(x / 1.3, y / 1.3, seed + 22)
+            patch += 0.7 * amplitude * _patches(1.3, x, y, seed + 22)
         amplitude = fade(0.3, footprint)
         if amplitude > 0.0:
-            patch += 0.5 * amplitude * value_noise(x / 0.3, y / 0.3, seed + 23)
+            patch += 0.5 * amplitude * _patches(0.3, x, y, seed + 23)
         opacity = 1.0 - wear * (0.35 + 0.65 * soft_step(0.5 + 0.9 * patch))
     if look.missing > 0.0:
         # value noise at 20 m, its quantiles about those of a normal of deviation 0.36
-        stretch = value_noise(x / 20.0, y / 20.0, seed + 24)
+        stretch = _patches(20.0, x, y, seed + 24)
         threshold = 1.0 - 2.0 * look.missing if look.missing > 0.4 else 0.62 - 1.2 * look.missing
-        opacity *= 1.0 - soft_step((stretch - threshold) / 0.08 + 0.5)
+        opacity *= 1.0 - soft_step((stretch - threshold) * (1.0 / 0.08) + 0.5)
     return opacity
+
+
+@kernel
+def _patches(wavelength, x, y, seed):  # type: ignore[no-untyped-def]
+    per_metre = 1.0 / wavelength
+    return value_noise(x * per_metre, y * per_metre, seed)

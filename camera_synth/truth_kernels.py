@@ -2,9 +2,7 @@
 
 import math
 
-import numpy as np
-
-from camera_synth.body_kernels import frame_bodies, hides, new_bodies, place
+from camera_synth.body_kernels import hide, new_bodies, place
 from camera_synth.condition import look_of
 from camera_synth.ground_kernels import cross_curve, lay, new_crossings, new_curves, tabulate
 from camera_synth.surface_kernels import paint_left, strip_of, view_of
@@ -20,24 +18,22 @@ def locate_borders(column, painted, width, p, road, objects, right_slot, looks, 
     n, _, rows = column.shape
     curves, middles = new_curves(road.forward_m.shape[1]), new_crossings(rows - 1)
     bodies = new_bodies(objects.handle.shape[1])
-    boxes = np.empty((objects.handle.shape[1], 4))
     lay(middles, 0.0, p)
     for i in range(n):
         look = look_of(looks, i)
         tabulate(curves, road, i, p)
         place(bodies, objects, i, rows, p, look)
         view = view_of(x_m[i], y_m[i], heading_rad[i], p)
-        locate(column[i], painted[i], width, p, curves, middles, bodies, boxes, right_slot[i], look, view)
+        locate(column[i], painted[i], width, p, curves, middles, bodies, right_slot[i], look, view)
 
 
 @kernel
-def locate(column, painted, width, p, curves, middles, bodies, boxes, right_slot, look, view):  # type: ignore[no-untyped-def]
+def locate(column, painted, width, p, curves, middles, bodies, right_slot, look, view):  # type: ignore[no-untyped-def]
     """Fill column, painted (2, rows) of one vehicle from its `curves` and placed `bodies`.
 
-    middles: Crossings laid at the rows' middles, from 0.0 on; boxes (bodies, 4): scratch.
+    middles: Crossings laid at the rows' middles, from 0.0 on.
     """
     rows = column.shape[1]
-    frame_bodies(bodies, boxes)
     worn = look.wear > 0.0 or look.missing > 0.0
     period = look.dash_stroke_m + look.dash_gap_m
     for side in range(2):
@@ -49,9 +45,13 @@ def locate(column, painted, width, p, curves, middles, bodies, boxes, right_slot
         cross_curve(middles, curves, slot, p)
         for y in range(rows):
             x = middles.column[y, slot]
-            if middles.kind[y, slot] == 0 or x < -0.5 or x > width - 0.5 or hides(bodies, boxes, x, y):
+            if middles.kind[y, slot] != 0 and -0.5 <= x <= width - 0.5:
+                column[side, y] = x
+        hide(column[side], bodies)
+        for y in range(rows):
+            x = column[side, y]
+            if math.isnan(x):
                 continue
-            column[side, y] = x
             station = middles.station[y, slot]
             solid = middles.kind[y, slot] == SOLID
             shown = solid or station - math.floor(station / period) * period < look.dash_stroke_m
