@@ -12,6 +12,7 @@ import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
 
+from camera_synth.camera import WIDTH_PX
 from sumo_net.compile import kernel
 from sumo_net.randomness import bits
 
@@ -109,9 +110,9 @@ def soft_step(t):  # type: ignore[no-untyped-def]
 
 @kernel
 def interpolate(nodes, out):  # type: ignore[no-untyped-def]
-    """Spread nodes (w / NODE_PX + 1,) linearly over the columns, out (w,); both float32."""
+    """Spread nodes (at least WIDTH_PX / NODE_PX + 1,) linearly over the columns, out (WIDTH_PX,); float32."""
     step = np.float32(1.0 / NODE_PX)
-    for i in range(out.shape[0] // NODE_PX):
+    for i in range(WIDTH_PX // NODE_PX):
         at = nodes[i]
         change = (nodes[i + 1] - at) * step
         for k in range(NODE_PX):

@@ -48,12 +48,12 @@ class Crossings(NamedTuple):
 
     ahead: Array  # (rows + 1,)
     magnify: Array  # (rows + 1,) columns per metre to the side
-    kind: Array  # (rows + 1, CURVES) int8, 0 where the curve does not cross
-    column: Array  # (rows + 1, CURVES)
-    scale: Array  # (rows + 1, CURVES) columns per metre across the curve
-    station: Array  # (rows + 1, CURVES)
-    aside: Array  # (rows + 1, CURVES)
-    slope: Array  # (rows + 1, CURVES) d aside / d ahead
+    kind: Array  # (CURVES, rows + 1) int8, 0 where the curve does not cross
+    column: Array  # (CURVES, rows + 1)
+    scale: Array  # (CURVES, rows + 1) columns per metre across the curve
+    station: Array  # (CURVES, rows + 1)
+    aside: Array  # (CURVES, rows + 1)
+    slope: Array  # (CURVES, rows + 1) d aside / d ahead
 
 
 @kernel
@@ -80,12 +80,12 @@ def new_crossings(rows):  # type: ignore[no-untyped-def]
     return Crossings(
         np.zeros(rows + 1),
         np.zeros(rows + 1),
-        np.zeros((rows + 1, CURVES), np.int8),
-        np.zeros((rows + 1, CURVES)),
-        np.zeros((rows + 1, CURVES)),
-        np.zeros((rows + 1, CURVES)),
-        np.zeros((rows + 1, CURVES)),
-        np.zeros((rows + 1, CURVES)),
+        np.zeros((CURVES, rows + 1), np.int8),
+        np.zeros((CURVES, rows + 1)),
+        np.zeros((CURVES, rows + 1)),
+        np.zeros((CURVES, rows + 1)),
+        np.zeros((CURVES, rows + 1)),
+        np.zeros((CURVES, rows + 1)),
     )
 
 
@@ -212,7 +212,7 @@ def cross_curve(crossings, curves, k, p):  # type: ignore[no-untyped-def]
     last = curves.last[k]
     if last == 0:
         for e in range(crossings.ahead.shape[0]):
-            crossings.kind[e, k] = 0
+            crossings.kind[k, e] = 0
         return
     endless = curves.goes_on[0] and last == curves.start.shape[1] - 1
     _cross_curve(crossings, k, curves, curves.first[k], last, endless, p)
@@ -235,7 +235,7 @@ def _cross_curve(crossings, k, curves, first, last, endless, p):  # type: ignore
             rate = advance[j] / end
         u = ahead - start[k, j]
         if u > end and not endless:
-            kind[e, k] = 0
+            kind[k, e] = 0
             continue
         v = min(max(u, 0.0), end)
         outside = u - v  # straight on before the first sample and beyond the last
@@ -243,12 +243,12 @@ def _cross_curve(crossings, k, curves, first, last, endless, p):  # type: ignore
         slope = c1 + v * (2.0 * c2 + v * 3.0 * c3)
         aside = cubic[k, j, 0] + v * (c1 + v * (c2 + v * c3)) + slope * outside
         stretch = math.sqrt(1.0 + slope * slope)
-        kind[e, k] = pieces[k, j]
-        aside_of[e, k] = aside
-        slope_of[e, k] = slope
-        column[e, k] = p.center_x - magnify[e] * aside
-        scale[e, k] = stretch * magnify[e]
-        station[e, k] = passed[j] + v * rate + stretch * outside
+        kind[k, e] = pieces[k, j]
+        aside_of[k, e] = aside
+        slope_of[k, e] = slope
+        column[k, e] = p.center_x - magnify[e] * aside
+        scale[k, e] = stretch * magnify[e]
+        station[k, e] = passed[j] + v * rate + stretch * outside
 
 
 @kernel

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from camera_synth.degrade import NODE_PX, lattice_unit
+from camera_synth.camera import WIDTH_PX
+from camera_synth.degrade import NODE_PX, interpolate, lattice_unit
 from camera_synth.ground_kernels import PATH
 from camera_synth.pattern_kernels import NODES, ROOM, Octave, add_octave
 from camera_synth.surface_kernels import strip_of
@@ -24,7 +25,7 @@ def cast_light(grid, rows, ground, crossings, look, view, p):  # type: ignore[no
         return True
     for y in range(rows):
         strip = strip_of(y, crossings.ahead[y + 1] - crossings.ahead[y], view, p)
-        if look.overpass > 0.0 and crossings.kind[y, PATH] != 0 and crossings.kind[y + 1, PATH] != 0:
+        if look.overpass > 0.0 and crossings.kind[PATH, y] != 0 and crossings.kind[PATH, y + 1] != 0:
             _overpass_shadow(grid[y], y, crossings, look, strip)
         if look.headlight > 0.0:
             _headlights(grid[y], look, strip)
@@ -32,31 +33,23 @@ def cast_light(grid, rows, ground, crossings, look, view, p):  # type: ignore[no
 
 
 @kernel
-def light_ground(canvas, grid, uneven, first, end, crossings, look):  # type: ignore[no-untyped-def]
-    """Light rows `first` to `end` - 1 of the canvas by `cast_light`, and fade them to haze with distance."""
+def light_ground(canvas, grid, uneven, first, end, light, crossings, look):  # type: ignore[no-untyped-def]
+    """Light rows `first` to `end` - 1 of the canvas by `cast_light`, and fade them to haze with distance.
+
+    light: float32 scratch (WIDTH_PX,).
+    """
     daylight = 1.0 if look.headlight > 0.0 else look.ambient  # headlights have it counted in
     for y in range(first, end):
         keep = look.visibility_m / (look.visibility_m + 0.5 * (crossings.ahead[y] + crossings.ahead[y + 1]))
         haze = np.float32(look.haze_grey * look.ambient * (1.0 - keep))
+        scale, row = np.float32(keep * daylight), canvas[y]
         if uneven:
-            _shade(canvas[y], grid[y], np.float32(keep * daylight), haze)
+            interpolate(grid[y], light)
+            for x in range(WIDTH_PX):
+                row[x] = row[x] * light[x] * scale + haze
         else:
-            _dim(canvas[y], np.float32(keep * daylight), haze)
-
-
-@kernel
-def _dim(row, scale, haze):  # type: ignore[no-untyped-def]
-    for x in range(row.shape[0]):
-        row[x] = row[x] * scale + haze
-
-
-@kernel
-def _shade(row, node, scale, haze):  # type: ignore[no-untyped-def]
-    part = scale * np.float32(1.0 / NODE_PX)
-    for m in range(NODES - 1):
-        at, rise = node[m] * scale, (node[m + 1] - node[m]) * part
-        for k in range(NODE_PX):
-            row[NODE_PX * m + k] = row[NODE_PX * m + k] * (at + np.float32(np.int32(k)) * rise) + haze
+            for x in range(WIDTH_PX):
+                row[x] = row[x] * scale + haze
 
 
 @kernel
@@ -72,12 +65,12 @@ def _headlights(node, look, strip):  # type: ignore[no-untyped-def]
 @kernel
 def _overpass_shadow(node, y, crossings, look, strip):  # type: ignore[no-untyped-def]
     """Take the overpass's share of the light where the row lies in its shadow, a band across the road."""
-    s0, s1 = crossings.station[y, PATH], crossings.station[y + 1, PATH]
+    s0, s1 = crossings.station[PATH, y], crossings.station[PATH, y + 1]
     middle, half = 0.5 * (s0 + s1), 0.5 * max(strip.footprint, 0.6)
     near, far = overpass_at(middle, look.overpass_spacing_m, look.world_seed)
-    slope = 0.5 * (crossings.slope[y, PATH] + crossings.slope[y + 1, PATH])
+    slope = 0.5 * (crossings.slope[PATH, y] + crossings.slope[PATH, y + 1])
     sideways = slope / math.sqrt(1.0 + slope * slope)  # station gained per metre to the left
-    centre = 0.5 * (crossings.aside[y, PATH] + crossings.aside[y + 1, PATH])
+    centre = 0.5 * (crossings.aside[PATH, y] + crossings.aside[PATH, y + 1])
     first = middle + (strip.aside - centre) * sideways
     step = strip.step * NODE_PX * sideways
     end = first + step * (NODES - 1)

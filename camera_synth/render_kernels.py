@@ -44,7 +44,8 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     middles = new_crossings(borders.column.shape[2] - 1)
     lay(crossings, -0.5, p)
     lay(middles, 0.0, p)
-    node, skyline = np.zeros(NODES, np.float32), np.zeros(width, np.float32)
+    node, pixels = np.zeros(NODES, np.float32), np.zeros(width, np.float32)
+    skyline = np.zeros(width, np.float32)
     texture, light = np.zeros((rows, ROOM), np.float32), np.zeros((rows, ROOM), np.float32)
     strips = ground_of(ground, p)
     for i in range(n):
@@ -52,15 +53,15 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
         view = view_of(x_m[i], y_m[i], heading_rad[i], p)
         tabulate(curves, road, i, p)
         cross(crossings, curves, p)
-        textured = texture_ground(texture, ground, strips, look, view, p)
+        texture_ground(texture, ground, strips, look, view, p)
         uneven = cast_light(light, ground, strips, crossings, look, view, p)
         for first in range(0, ground, BLOCK_ROWS):
             end = min(first + BLOCK_ROWS, ground)
-            paint_ground(canvas, texture, first, end, textured, crossings, look)
+            paint_ground(canvas, texture, first, end, pixels, crossings, look)
             if look.wheel_tracks > 0.0:
                 paint_tracks(canvas, first, end, crossings, look)
             paint_markings(canvas, first, end, crossings, look, view, p)
-            light_ground(canvas, light, uneven, first, end, crossings, look)
+            light_ground(canvas, light, uneven, first, end, pixels, crossings, look)
         if rows > ground:
             _trace_skyline(skyline, view, p, look.world_seed)
             for y in range(ground, rows):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from camera_synth.camera import WIDTH_PX
-from camera_synth.degrade import NODE_PX, fade, soft_step, value_noise
+from camera_synth.degrade import fade, interpolate, soft_step, value_noise
 from camera_synth.ground_kernels import (
     LEFT_EDGE,
     RIGHT_EDGE,
@@ -20,7 +20,7 @@ from camera_synth.ground_kernels import (
     row_line,
     whole_vectors,
 )
-from camera_synth.pattern_kernels import NODES, Octave, add_octave
+from camera_synth.pattern_kernels import ROOM, Octave, add_octave
 from sumo_net.compile import inlined, kernel
 from sumo_net.road import DASHED, MAX_BORDERS
 
@@ -82,67 +82,63 @@ def strip_of(y, footprint, view, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def texture_ground(grid, rows, ground, look, view, p):  # type: ignore[no-untyped-def]
-    """The texture of the lowest `rows` rows on `grid` (rows, ROOM); returns how many rows have any.
-
-    A row's footprint grows upwards, so texture ends at some row.
-    """
+    """The texture of the lowest `rows` rows on `grid` (rows, ROOM)."""
     grid[:rows] = 0.0
-    textured = np.int64(0)
-    if look.texture > 0.0:
-        for k in range(3):
-            wavelength = 0.4 * 4.0**k
-            f = 1.0 / wavelength
-            octave = Octave(f, 0.0, 0.0, f, wavelength, 2**k, look.world_seed + 11 + k, 1.0)
-            textured = max(textured, add_octave(grid, rows, ground, octave, view, p))
-    return textured
+    if look.texture <= 0.0:
+        return
+    for k in range(3):
+        wavelength = 0.4 * 4.0**k
+        f = 1.0 / wavelength
+        octave = Octave(f, 0.0, 0.0, f, wavelength, 2**k, look.world_seed + 11 + k, 1.0)
+        add_octave(grid, rows, ground, octave, view, p)
 
 
 @kernel
-def paint_ground(canvas, grid, first, end, textured, crossings, look):  # type: ignore[no-untyped-def]
-    """Asphalt between its edges and verge beside it on rows `first` to `end` - 1, with `texture_ground`."""
+def paint_ground(canvas, grid, first, end, beside, crossings, look):  # type: ignore[no-untyped-def]
+    """Asphalt between its edges and verge beside it on rows `first` to `end` - 1, with `texture_ground`.
+
+    beside: float32 scratch (WIDTH_PX,).
+    """
+    kind, column = crossings.kind, crossings.column
+    node = np.empty(ROOM, np.float32)
     for y in range(first, end):
-        right = crossings.kind[y, RIGHT_EDGE] != 0 and crossings.kind[y + 1, RIGHT_EDGE] != 0
-        left = crossings.kind[y, LEFT_EDGE] != 0 and crossings.kind[y + 1, LEFT_EDGE] != 0
+        right = kind[RIGHT_EDGE, y] != 0 and kind[RIGHT_EDGE, y + 1] != 0
+        left = kind[LEFT_EDGE, y] != 0 and kind[LEFT_EDGE, y + 1] != 0
         l0, l1, r0, r1 = _FAR, _FAR, -_FAR, -_FAR
         if right or left:  # where one edge has turned away before the other, asphalt fills its side
-            l0 = crossings.column[y, LEFT_EDGE] if left else -_FAR
-            l1 = crossings.column[y + 1, LEFT_EDGE] if left else -_FAR
-            r0 = crossings.column[y, RIGHT_EDGE] if right else _FAR
-            r1 = crossings.column[y + 1, RIGHT_EDGE] if right else _FAR
+            l0, l1 = (column[LEFT_EDGE, y], column[LEFT_EDGE, y + 1]) if left else (-_FAR, -_FAR)
+            r0, r1 = (column[RIGHT_EDGE, y], column[RIGHT_EDGE, y + 1]) if right else (_FAR, _FAR)
+        _tone(canvas[y], node, grid[y], look.asphalt_grey, look.texture)
+        half_l, half_r = 0.5 * (1.0 + abs(l1 - l0)), 0.5 * (1.0 + abs(r1 - r0))
+        left_end, right_first = 0.5 * (l0 + l1) + half_l, 0.5 * (r0 + r1) - half_r
+        if left_end <= 0.0 and right_first >= WIDTH_PX - 1.0:
+            continue
+        _tone(beside, node, grid[y], look.verge_grey, 2.0 * look.texture)
         # coverage of the pixels an edge passes, as a ramp over the columns that it takes
-        rise_l, rise_r = 1.0 / (1.0 + abs(l1 - l0)), 1.0 / (1.0 + abs(r1 - r0))
-        _tone(
-            canvas[y],
-            grid[y],
-            y < textured,
-            np.float32(rise_l),
-            np.float32(0.5 - 0.5 * (l0 + l1) * rise_l),
-            np.float32(rise_r),
-            np.float32(0.5 + 0.5 * (r0 + r1) * rise_r),
-            np.float32(look.verge_grey),
-            np.float32(look.asphalt_grey),
-            np.float32(look.texture),
-        )
+        rise_l, rise_r = np.float32(0.5 / half_l), np.float32(0.5 / half_r)
+        at_l, at_r = np.float32(1.0 - left_end * 0.5 / half_l), np.float32(1.0 + right_first * 0.5 / half_r)
+        _, end_l = whole_vectors(0, math.ceil(left_end))
+        first_r, _ = whole_vectors(math.ceil(right_first), WIDTH_PX)
+        for x0, x1 in ((0, end_l), (max(first_r, end_l), WIDTH_PX)):
+            _blend_verge(canvas[y, x0:x1], beside[x0:x1], np.float32(x0), rise_l, at_l, rise_r, at_r)
 
 
-@kernel
-def _tone(row, node, textured, rise_l, at_l, rise_r, at_r, verge, asphalt, strength):  # type: ignore[no-untyped-def]
+@inlined
+def _tone(row, node, texture, grey, strength):  # type: ignore[no-untyped-def]
+    """Fill the row with a grey and so much of the texture at its nodes."""
+    level, part = np.float32(grey), np.float32(strength)
+    for m in range(ROOM):
+        node[m] = level + part * texture[m]
+    interpolate(node, row)
+
+
+@inlined
+def _blend_verge(asphalt, verge, start, rise_l, at_l, rise_r, at_r):  # type: ignore[no-untyped-def]
     zero, one = np.float32(0.0), np.float32(1.0)
-    rough = np.float32(2.0) * strength  # of the verge
-    less, step = strength - rough, asphalt - verge
-    if textured:
-        part = np.float32(1.0 / NODE_PX)
-        for m in range(NODES - 1):
-            at, rise = node[m], (node[m + 1] - node[m]) * part
-            for k in range(NODE_PX):
-                f = np.float32(NODE_PX * m + k)
-                cover = min(max(min(f * rise_l + at_l, at_r - f * rise_r), zero), one)
-                texture = at + np.float32(k) * rise
-                row[NODE_PX * m + k] = verge + step * cover + texture * (rough + less * cover)
-    else:
-        for x in range(row.shape[0]):
-            f = np.float32(np.int32(x))
-            row[x] = verge + step * min(max(min(f * rise_l + at_l, at_r - f * rise_r), zero), one)
+    for x in range(asphalt.shape[0]):
+        f = np.float32(np.int32(x)) + start
+        cover = min(max(min(f * rise_l + at_l, at_r - f * rise_r), zero), one)
+        asphalt[x] = verge[x] + (asphalt[x] - verge[x]) * cover
 
 
 @kernel
@@ -152,10 +148,10 @@ def paint_tracks(canvas, first, end, crossings, look):  # type: ignore[no-untype
     for y in range(first, end):
         row = canvas[y]
         for k in range(MAX_BORDERS - 1):
-            if kind[y, k] == 0 or kind[y, k + 1] == 0 or kind[y + 1, k] == 0 or kind[y + 1, k + 1] == 0:
+            if kind[k, y] == 0 or kind[k + 1, y] == 0 or kind[k, y + 1] == 0 or kind[k + 1, y + 1] == 0:
                 continue
-            a = 0.5 * (column[y, k] + column[y + 1, k])
-            b = 0.5 * (column[y, k + 1] + column[y + 1, k + 1])
+            a = 0.5 * (column[k, y] + column[k, y + 1])
+            b = 0.5 * (column[k + 1, y] + column[k + 1, y + 1])
             if abs(b - a) >= _LEAST_LANE_PX and max(a, b) > 0.0 and min(a, b) < WIDTH_PX:
                 _paint_lane(row, 0.5 * (a + b), abs(b - a), look.wheel_tracks)
 
@@ -187,19 +183,19 @@ def paint_markings(canvas, lowest, end, crossings, look, view, p):  # type: igno
         strip = strip_of(y, crossings.ahead[y + 1] - crossings.ahead[y], view, p)
         first, last = MAX_BORDERS, -1
         for k in range(MAX_BORDERS):
-            if kind[y, k] != 0:
+            if kind[k, y] != 0:
                 first, last = min(first, k), k
         for k in range(first, last + 1):
-            if kind[y, k] == 0 or kind[y + 1, k] == 0:
+            if kind[k, y] == 0 or kind[k, y + 1] == 0:
                 continue
             width = look.edge_width_m if k in (first, last) else look.marking_width_m
-            h0, h1 = 0.5 * width * scale[y, k], 0.5 * width * scale[y + 1, k]
-            c0, c1 = column[y, k], column[y + 1, k]
+            h0, h1 = 0.5 * width * scale[k, y], 0.5 * width * scale[k, y + 1]
+            c0, c1 = column[k, y], column[k, y + 1]
             if max(c0 + h0, c1 + h1) < -1.0 or min(c0 - h0, c1 - h1) > row.shape[0]:
                 continue
-            s0, s1 = station[y, k], station[y + 1, k]
+            s0, s1 = station[k, y], station[k, y + 1]
             l0, l1, r0, r1 = c0 - h0, c1 - h1, c0 + h0, c1 + h1
-            dashed = kind[y, k] == DASHED
+            dashed = kind[k, y] == DASHED
             phase = s0 - math.floor(s0 * per_period) * period
             if dashed and phase > stroke and phase + (s1 - s0) < period:
                 continue

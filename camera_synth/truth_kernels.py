@@ -44,16 +44,16 @@ def locate(column, painted, width, p, curves, middles, bodies, right_slot, look,
             continue
         cross_curve(middles, curves, slot, p)
         for y in range(rows):
-            x = middles.column[y, slot]
-            if middles.kind[y, slot] != 0 and -0.5 <= x <= width - 0.5:
+            x = middles.column[slot, y]
+            if middles.kind[slot, y] != 0 and -0.5 <= x <= width - 0.5:
                 column[side, y] = x
         hide(column[side], bodies)
         for y in range(rows):
             x = column[side, y]
             if math.isnan(x):
                 continue
-            station = middles.station[y, slot]
-            solid = middles.kind[y, slot] == SOLID
+            station = middles.station[slot, y]
+            solid = middles.kind[slot, y] == SOLID
             shown = solid or station - math.floor(station / period) * period < look.dash_stroke_m
             if shown and worn:
                 footprint = middles.ahead[min(y + 1, rows - 1)] - middles.ahead[max(y - 1, 0)]
