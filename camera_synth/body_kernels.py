@@ -27,6 +27,8 @@ class Bodies(NamedTuple):
     polygons: Array  # (M,) int64, of each
     vertex: Array  # (M, POLYGONS, _VERTICES, 2)
     vertices: Array  # (M, POLYGONS) int64
+    bottom: Array  # (M, POLYGONS) image height of the lowest vertex
+    top: Array  # (M, POLYGONS) of the highest
     grey: Array  # (M, POLYGONS)
     opacity: Array  # (M, POLYGONS)
     whole: Array  # (M, POLYGONS) bool: a whole face, not its shadow nor what is on a face
@@ -55,6 +57,8 @@ def new_bodies(count):  # type: ignore[no-untyped-def]
         np.zeros(count, np.int64),
         np.zeros((count, POLYGONS, _VERTICES, 2)),
         np.zeros((count, POLYGONS), np.int64),
+        np.zeros((count, POLYGONS)),
+        np.zeros((count, POLYGONS)),
         np.zeros((count, POLYGONS)),
         np.zeros((count, POLYGONS)),
         np.zeros((count, POLYGONS), np.bool_),
@@ -241,7 +245,7 @@ def _polygon(bodies, b, p, grey, opacity, whole):  # type: ignore[no-untyped-def
         return
     vertex, corner = bodies.vertex[b, q], bodies.corner
     used = np.int64(0)  # a literal 0 would make another compiled variant
-    left, right, top = math.inf, -math.inf, -math.inf
+    left, right, bottom, top = math.inf, -math.inf, math.inf, -math.inf
     for c in range(4):
         d = (c + 1) % 4
         z0, z1 = corner[c, 0], corner[d, 0]
@@ -260,25 +264,29 @@ def _polygon(bodies, b, p, grey, opacity, whole):  # type: ignore[no-untyped-def
             near = 1.0 / depth
             x, y = p.center_x + p.focal * aside * near, p.center_y + p.focal_y * rise * near
             vertex[used, 0], vertex[used, 1] = x, y
-            left, right, top = min(left, x), max(right, x), max(top, y)
+            left, right, bottom, top = min(left, x), max(right, x), min(bottom, y), max(top, y)
             used += 1
     if used < 3 or right < -1.0 or left > WIDTH_PX or top < -0.5:
         return
     bodies.vertices[b, q] = used
+    bodies.bottom[b, q], bodies.top[b, q] = bottom, top
     bodies.grey[b, q] = grey
     bodies.opacity[b, q] = opacity
     bodies.whole[b, q] = whole
     bodies.polygons[b] = q + 1
 
 
-@kernel
-def paint_bodies(canvas, bodies):  # type: ignore[no-untyped-def]
-    """Paint the bodies on the canvas (rows, width) float32, image row y in its row y."""
+@inlined
+def paint_bodies(canvas, first, end, bodies):  # type: ignore[no-untyped-def]
+    """Paint the bodies on image rows `first` to `end` - 1, which the canvas begins with."""
     for b in range(bodies.used[0]):
         for q in range(bodies.polygons[b]):
-            _paint_polygon(
-                canvas, bodies.vertex[b, q], bodies.vertices[b, q], bodies.grey[b, q], bodies.opacity[b, q]
-            )
+            bottom, top = bodies.bottom[b, q], bodies.top[b, q]
+            if bottom <= end - 0.5 and top >= first - 0.5:
+                vertex, used = bodies.vertex[b, q], bodies.vertices[b, q]
+                _paint_polygon(
+                    canvas, first, end, vertex, used, bottom, top, bodies.grey[b, q], bodies.opacity[b, q]
+                )
 
 
 @inlined
@@ -289,9 +297,7 @@ def hide(column, bodies):  # type: ignore[no-untyped-def]
             if not bodies.whole[b, q]:
                 continue
             vertex, used = bodies.vertex[b, q], bodies.vertices[b, q]
-            bottom, top = math.inf, -math.inf
-            for c in range(used):
-                bottom, top = min(bottom, vertex[c, 1]), max(top, vertex[c, 1])
+            bottom, top = bodies.bottom[b, q], bodies.top[b, q]
             for y in range(max(math.ceil(bottom), 0), math.floor(min(top, column.shape[0] - 1.0)) + 1):
                 left, right = _span(vertex, used, y)
                 if left <= column[y] <= right:
@@ -312,23 +318,19 @@ def _span(vertex, used, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _paint_polygon(canvas, vertex, used, grey, opacity):  # type: ignore[no-untyped-def]
-    """A convex polygon, by the share of each pixel that it covers."""
-    rows, width = canvas.shape
-    bottom, top = math.inf, -math.inf
-    for c in range(used):
-        bottom, top = min(bottom, vertex[c, 1]), max(top, vertex[c, 1])
+def _paint_polygon(canvas, lowest, end, vertex, used, bottom, top, grey, opacity):  # type: ignore[no-untyped-def]
+    """A convex polygon on image rows `lowest` to `end` - 1, by the share of each pixel that it covers."""
     grey = np.float32(grey)
-    first_row, last_row = max(math.floor(max(bottom, -1.0) + 0.5), 0), min(top + 0.5, rows - 1.0)
-    for y in range(first_row, math.floor(last_row) + 1):
+    first_row = math.floor(max(bottom, lowest - 0.5) + 0.5)
+    for y in range(first_row, math.floor(min(top + 0.5, end - 1.0)) + 1):
         low, high = max(bottom, y - 0.5), min(top, y + 0.5)
         left, right = _span(vertex, used, 0.5 * (low + high))
-        left, right = max(left, -1.0), min(right, width + 0.0)
+        left, right = max(left, -1.0), min(right, WIDTH_PX + 0.0)
         if right <= left or high <= low:
             continue
-        first, end = whole_vectors(math.floor(left + 0.5), math.floor(right + 0.5) + 1)
+        first, after = whole_vectors(math.floor(left + 0.5), math.floor(right + 0.5) + 1)
         _blend(
-            canvas[y, first:end],
+            canvas[y - lowest, first:after],
             np.float32(first + 0.5 - left),
             np.float32(right + 0.5 - first),
             np.float32(min(right - left, 1.0)),

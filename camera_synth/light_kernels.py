@@ -9,7 +9,7 @@ from camera_synth.degrade import NODE_PX, interpolate, lattice_unit
 from camera_synth.ground_kernels import PATH
 from camera_synth.pattern_kernels import NODES, ROOM, Octave, add_octave
 from camera_synth.surface_kernels import strip_of
-from sumo_net.compile import kernel
+from sumo_net.compile import inlined, kernel
 
 
 @kernel
@@ -32,7 +32,7 @@ def cast_light(grid, rows, ground, crossings, look, view, p):  # type: ignore[no
     return True
 
 
-@kernel
+@inlined
 def light_ground(canvas, grid, uneven, first, end, light, crossings, look):  # type: ignore[no-untyped-def]
     """Light rows `first` to `end` - 1 of the canvas by `cast_light`, and fade them to haze with distance.
 
@@ -42,7 +42,7 @@ def light_ground(canvas, grid, uneven, first, end, light, crossings, look):  # t
     for y in range(first, end):
         keep = look.visibility_m / (look.visibility_m + 0.5 * (crossings.ahead[y] + crossings.ahead[y + 1]))
         haze = np.float32(look.haze_grey * look.ambient * (1.0 - keep))
-        scale, row = np.float32(keep * daylight), canvas[y]
+        scale, row = np.float32(keep * daylight), canvas[y - first]
         if uneven:
             interpolate(grid[y], light)
             for x in range(WIDTH_PX):

@@ -9,8 +9,8 @@ from camera_synth.condition import look_of
 from camera_synth.degrade import value_noise
 from camera_synth.ground_kernels import cross, lay, new_crossings, new_curves, tabulate
 from camera_synth.light_kernels import cast_light, light_ground
-from camera_synth.pattern_kernels import NODES, ROOM, ground_of
-from camera_synth.sensor_kernels import exposure_of, read_out
+from camera_synth.pattern_kernels import ROOM, ground_of
+from camera_synth.sensor_kernels import exposure_of, new_lens, read_out
 from camera_synth.surface_kernels import (
     paint_ground,
     paint_markings,
@@ -21,7 +21,7 @@ from camera_synth.surface_kernels import (
 from camera_synth.truth_kernels import locate
 from sumo_net.compile import kernel
 
-BLOCK_ROWS = 16  # painted layer by layer: 20 KB of the canvas stay in the first cache
+BLOCK_ROWS = 16  # painted layer by layer: the canvas, 20 KB, stays in the first cache
 
 
 @kernel
@@ -37,15 +37,14 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
     curves = new_curves(road.forward_m.shape[1])
     crossings = new_crossings(rows)
     bodies = new_bodies(objects.handle.shape[1])
-    canvas = np.empty((rows, width), np.float32)
+    canvas, lens = np.empty((BLOCK_ROWS, width), np.float32), new_lens(height)
     slot, borders = truth
     judged = borders.column.shape[0] == n
     seen_rows = max(rows, borders.column.shape[2])
     middles = new_crossings(borders.column.shape[2] - 1)
     lay(crossings, -0.5, p)
     lay(middles, 0.0, p)
-    node, pixels = np.zeros(NODES, np.float32), np.zeros(width, np.float32)
-    skyline = np.zeros(width, np.float32)
+    pixels, skyline = np.zeros(width, np.float32), np.zeros(width, np.float32)
     texture, light = np.zeros((rows, ROOM), np.float32), np.zeros((rows, ROOM), np.float32)
     strips = ground_of(ground, p)
     for i in range(n):
@@ -55,24 +54,25 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
         cross(crossings, curves, p)
         texture_ground(texture, ground, strips, look, view, p)
         uneven = cast_light(light, ground, strips, crossings, look, view, p)
-        for first in range(0, ground, BLOCK_ROWS):
-            end = min(first + BLOCK_ROWS, ground)
-            paint_ground(canvas, texture, first, end, pixels, crossings, look)
-            if look.wheel_tracks > 0.0:
-                paint_tracks(canvas, first, end, crossings, look)
-            paint_markings(canvas, first, end, crossings, look, view, p)
-            light_ground(canvas, light, uneven, first, end, pixels, crossings, look)
-        if rows > ground:
-            _trace_skyline(skyline, view, p, look.world_seed)
-            for y in range(ground, rows):
-                _paint_sky(canvas[y], y - horizon, skyline, look)
         place(bodies, objects, i, seen_rows, p, look)
-        paint_bodies(canvas, bodies)
         if judged:
             column, painted = borders.column[i], borders.painted[i]
             locate(column, painted, width, p, curves, middles, bodies, slot[i], look, view)
         exposure = exposure_of(look, view.sin, view.cos, horizon, p, keys[i], counters[i])
-        read_out(frames[i], canvas, node, exposure, keys[i], counters[i])
+        if rows > ground:
+            _trace_skyline(skyline, view, p, look.world_seed)
+        for first in range(0, rows, BLOCK_ROWS):
+            end = min(first + BLOCK_ROWS, rows)
+            paved = min(end, ground)
+            paint_ground(canvas, texture, first, paved, pixels, crossings, look)
+            if look.wheel_tracks > 0.0:
+                paint_tracks(canvas, first, paved, crossings, look)
+            paint_markings(canvas, first, paved, crossings, look, view, p)
+            light_ground(canvas, light, uneven, first, paved, pixels, crossings, look)
+            for y in range(max(first, ground), end):
+                _paint_sky(canvas[y - first], y - horizon, skyline, look)
+            paint_bodies(canvas, first, end, bodies)
+            read_out(frames[i], canvas, first, end, lens, exposure, keys[i], counters[i])
 
 
 @kernel

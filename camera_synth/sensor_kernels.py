@@ -1,14 +1,16 @@
 """From the light on a row to 8-bit grey: exposure, vignetting, veil of glare, noise."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from camera_synth.camera import WIDTH_PX
 from camera_synth.degrade import NODE_PX, interpolate, smooth_walk, times
-from sumo_net.compile import kernel
+from sumo_net.compile import inlined, kernel
 from sumo_net.randomness import bits
+
+Array = np.ndarray[Any, Any]
 
 _VEIL_GREY = 235.0
 _M1, _M2 = np.uint32(0x21F0AAAD), np.uint32(0x735A2D97)
@@ -31,6 +33,17 @@ class Exposure(NamedTuple):
     noise: float  # standard deviation, grey levels
 
 
+class Lens(NamedTuple):
+    """What is the same in every frame, and scratch for a row."""
+
+    columns: Array  # (WIDTH_PX,) uint32: 0, 1, …
+    corner: Array  # (WIDTH_PX,) float32, squared distance from the middle column, 1 in the corners
+    node: Array  # (WIDTH_PX / NODE_PX + 1,) float32 scratch
+    veil: Array  # (WIDTH_PX,) float32, of glare
+    gain: Array  # the same, of a row
+    black: Array  # the same
+
+
 @kernel
 def exposure_of(look, sin_c, cos_c, horizon, p, key, counter):  # type: ignore[no-untyped-def]
     """The Exposure of frame `counter` of a camera that looks along (cos_c, sin_c) in the world."""
@@ -46,26 +59,40 @@ def exposure_of(look, sin_c, cos_c, horizon, p, key, counter):  # type: ignore[n
 
 
 @kernel
-def read_out(frame, canvas, node, exposure, key, counter):  # type: ignore[no-untyped-def]
-    """frame (height, width) uint8: number `counter`, from the light on its lowest rows, canvas (rows, width).
-
-    node: float32 scratch, width / NODE_PX + 1. Frames are counted in the noise's key by 2¹² rows each.
-    """
-    height = frame.shape[0]
-    columns = np.zeros(WIDTH_PX, np.uint32)
-    corner = np.zeros(WIDTH_PX, np.float32)  # squared distance from the centre, 1 in the corners
-    veil, gain = np.zeros(WIDTH_PX, np.float32), np.zeros(WIDTH_PX, np.float32)
-    black = np.zeros(WIDTH_PX, np.float32)
+def new_lens(height):  # type: ignore[no-untyped-def]
+    """The Lens of an image of so many rows."""
+    columns, corner = np.zeros(WIDTH_PX, np.uint32), np.zeros(WIDTH_PX, np.float32)
     for x in range(WIDTH_PX):
         columns[x] = x
         corner[x] = (2.0 * x - WIDTH_PX) ** 2 / (WIDTH_PX**2 + height**2)
-        black[x] = exposure.offset + 0.5  # rounded
+    return Lens(
+        columns,
+        corner,
+        np.zeros(WIDTH_PX // NODE_PX + 1, np.float32),
+        np.zeros(WIDTH_PX, np.float32),
+        np.zeros(WIDTH_PX, np.float32),
+        np.zeros(WIDTH_PX, np.float32),
+    )
+
+
+@inlined
+def read_out(frame, canvas, first, end, lens, exposure, key, counter):  # type: ignore[no-untyped-def]
+    """Rows `first` to `end` - 1 of frame (height, width) uint8, number `counter`, from their light.
+
+    Frames are counted in the noise's key by 2¹² rows each.
+    """
+    height = frame.shape[0]
+    node, veil, gain, black = lens.node, lens.veil, lens.gain, lens.black
     lost = np.float32(exposure.gain * exposure.vignetting)
     one, half, grey = np.float32(1.0), np.float32(0.5), np.float32(_VEIL_GREY)
     offset = np.float32(exposure.offset)
-    for y in range(canvas.shape[0]):
+    for x in range(WIDTH_PX):
+        black[x] = offset + half  # rounded
+    for y in range(first, end):
         dark = exposure.vignetting * (2.0 * y - height) ** 2 / (WIDTH_PX**2 + height**2)
         middle = np.float32(exposure.gain * (1.0 - dark))
+        for x in range(WIDTH_PX):
+            gain[x] = middle - lost * lens.corner[x]
         if exposure.glare > 0.0:
             rise = (y - exposure.sun_y) ** 2
             for m in range(node.shape[0]):
@@ -73,13 +100,10 @@ def read_out(frame, canvas, node, exposure, key, counter):  # type: ignore[no-un
                 node[m] = np.float32(exposure.glare * (0.45 + 0.55 / (1.0 + away / 140.0**2)))
             interpolate(node, veil)
             for x in range(WIDTH_PX):
-                gain[x] = (middle - lost * corner[x]) * (one - veil[x])
+                gain[x] *= one - veil[x]
                 black[x] = (offset + half) + veil[x] * (grey - offset)
-        else:
-            for x in range(WIDTH_PX):
-                gain[x] = middle - lost * corner[x]
         noise_key = bits(key, np.uint64(counter) * np.uint64(4096) + np.uint64(y))
-        expose(frame[height - 1 - y], canvas[y], gain, black, columns, exposure.noise, noise_key)
+        expose(frame[height - 1 - y], canvas[y - first], gain, black, lens.columns, exposure.noise, noise_key)
 
 
 @kernel

@@ -1,8 +1,9 @@
 """Asphalt, verge and paint on the canvas, before any light falls on them.
 
-The canvas (rows, width) float32 holds image row y (up from the bottom) in its row y. The layers go over some
-rows after the other, so that these stay in the first cache, but not over one row at a time: a pass over what
-was written a moment ago in other chunks waits for the store buffer, which costs more than the arithmetic.
+The canvas (some rows, width) float32 holds the light on image rows (up from the bottom) from `first` on. The
+layers go over them one after the other, so that they stay in the first cache, but not over one row at a time:
+a pass over what was written a moment ago in other chunks waits for the store buffer, which costs more than
+the arithmetic.
 """
 
 import math
@@ -93,7 +94,7 @@ def texture_ground(grid, rows, ground, look, view, p):  # type: ignore[no-untype
         add_octave(grid, rows, ground, octave, view, p)
 
 
-@kernel
+@inlined
 def paint_ground(canvas, grid, first, end, beside, crossings, look):  # type: ignore[no-untyped-def]
     """Asphalt between its edges and verge beside it on rows `first` to `end` - 1, with `texture_ground`.
 
@@ -108,7 +109,7 @@ def paint_ground(canvas, grid, first, end, beside, crossings, look):  # type: ig
         if right or left:  # where one edge has turned away before the other, asphalt fills its side
             l0, l1 = (column[LEFT_EDGE, y], column[LEFT_EDGE, y + 1]) if left else (-_FAR, -_FAR)
             r0, r1 = (column[RIGHT_EDGE, y], column[RIGHT_EDGE, y + 1]) if right else (_FAR, _FAR)
-        _tone(canvas[y], node, grid[y], look.asphalt_grey, look.texture)
+        _tone(canvas[y - first], node, grid[y], look.asphalt_grey, look.texture)
         half_l, half_r = 0.5 * (1.0 + abs(l1 - l0)), 0.5 * (1.0 + abs(r1 - r0))
         left_end, right_first = 0.5 * (l0 + l1) + half_l, 0.5 * (r0 + r1) - half_r
         if left_end <= 0.0 and right_first >= WIDTH_PX - 1.0:
@@ -120,7 +121,7 @@ def paint_ground(canvas, grid, first, end, beside, crossings, look):  # type: ig
         _, end_l = whole_vectors(0, math.ceil(left_end))
         first_r, _ = whole_vectors(math.ceil(right_first), WIDTH_PX)
         for x0, x1 in ((0, end_l), (max(first_r, end_l), WIDTH_PX)):
-            _blend_verge(canvas[y, x0:x1], beside[x0:x1], np.float32(x0), rise_l, at_l, rise_r, at_r)
+            _blend_verge(canvas[y - first, x0:x1], beside[x0:x1], np.float32(x0), rise_l, at_l, rise_r, at_r)
 
 
 @inlined
@@ -141,12 +142,12 @@ def _blend_verge(asphalt, verge, start, rise_l, at_l, rise_r, at_r):  # type: ig
         asphalt[x] = verge[x] + (asphalt[x] - verge[x]) * cover
 
 
-@kernel
+@inlined
 def paint_tracks(canvas, first, end, crossings, look):  # type: ignore[no-untyped-def]
     """Two darker wheel tracks in each lane between markings, on rows `first` to `end` - 1."""
     kind, column = crossings.kind, crossings.column
     for y in range(first, end):
-        row = canvas[y]
+        row = canvas[y - first]
         for k in range(MAX_BORDERS - 1):
             if kind[k, y] == 0 or kind[k + 1, y] == 0 or kind[k, y + 1] == 0 or kind[k + 1, y + 1] == 0:
                 continue
@@ -170,7 +171,7 @@ def _paint_lane(row, centre, width, grey):  # type: ignore[no-untyped-def]
         part[x] -= depth * t * t
 
 
-@kernel
+@inlined
 def paint_markings(canvas, lowest, end, crossings, look, view, p):  # type: ignore[no-untyped-def]
     """The lines on rows `lowest` to `end` - 1, by what they cover of each pixel, less what is worn."""
     kind, column, scale, station = crossings.kind, crossings.column, crossings.scale, crossings.station
@@ -179,7 +180,7 @@ def paint_markings(canvas, lowest, end, crossings, look, view, p):  # type: igno
     worn = look.wear > 0.0 or look.missing > 0.0
     grey = look.paint_grey
     for y in range(lowest, end):
-        row = canvas[y]
+        row = canvas[y - lowest]
         strip = strip_of(y, crossings.ahead[y + 1] - crossings.ahead[y], view, p)
         first, last = MAX_BORDERS, -1
         for k in range(MAX_BORDERS):
