@@ -85,7 +85,8 @@ def read_out(frame, canvas, first, end, lens, exposure, key, counter):  # type: 
     node, veil, gain, black = lens.node, lens.veil, lens.gain, lens.black
     lost = np.float32(exposure.gain * exposure.vignetting)
     one, half, grey = np.float32(1.0), np.float32(0.5), np.float32(_VEIL_GREY)
-    offset = np.float32(exposure.offset)
+    offset, sun_x = np.float32(exposure.offset), np.float32(exposure.sun_x)
+    everywhere, near_sun = np.float32(0.45 * exposure.glare), np.float32(0.55 * exposure.glare)
     for x in range(WIDTH_PX):
         black[x] = offset + half  # rounded
     for y in range(first, end):
@@ -94,10 +95,11 @@ def read_out(frame, canvas, first, end, lens, exposure, key, counter):  # type: 
         for x in range(WIDTH_PX):
             gain[x] = middle - lost * lens.corner[x]
         if exposure.glare > 0.0:
-            rise = (y - exposure.sun_y) ** 2
+            rise = np.float32((y - exposure.sun_y) ** 2)
             for m in range(node.shape[0]):
-                away = (NODE_PX * m - exposure.sun_x) ** 2 + rise
-                node[m] = np.float32(exposure.glare * (0.45 + 0.55 / (1.0 + away / 140.0**2)))
+                aside = np.float32(np.int32(NODE_PX * m)) - sun_x
+                away = aside * aside + rise
+                node[m] = everywhere + near_sun / (one + away * np.float32(1.0 / 140.0**2))
             interpolate(node, veil)
             for x in range(WIDTH_PX):
                 gain[x] *= one - veil[x]
