@@ -29,6 +29,7 @@ from plugin.lane.road_model import (
     row_ground,
 )
 from sumo_net.compile import kernel
+from sumo_net.copy_kernels import copy_vector
 
 NEAR_M = 60.0
 MIDDLE_M = 28.0
@@ -195,10 +196,10 @@ def vote(point, found, about, t, bins, smooth, starts, score):  # type: ignore[n
                 continue
         while place > 0 and best > score[place - 1]:
             score[place] = score[place - 1]
-            starts[place, :] = starts[place - 1]
+            copy_vector(starts[place - 1], starts[place])
             place -= 1
         score[place] = best
-        starts[place, :] = trial
+        copy_vector(trial, starts[place])
 
 
 @kernel

@@ -38,8 +38,10 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
     for j in range(NEXT_LEFT, NEXT_RIGHT + 1):
         # neighbouring lanes are as wide as this one, more or less
         x[j] = x[WIDTH] + t.next_keep * (x[j] - x[WIDTH])
-        P[j, :] *= t.next_keep
-        P[:, j] *= t.next_keep
+        for k in range(STATES):
+            P[j, k] *= t.next_keep
+        for k in range(STATES):
+            P[k, j] *= t.next_keep
         P[j, j] += t.next_std * t.next_std * (1.0 - t.next_keep * t.next_keep)
     for j in range(STATES):
         P[OFFSET, j] += advance * P[HEADING, j] + drift * P[TURN, j]
@@ -81,8 +83,10 @@ def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
     # a clothoid goes on as a clothoid, and every road becomes straight again
     g1, g2 = t.bend_keep + t.bend_slope, -t.bend_slope
     x[last] = g1 * x[last - 1] + g2 * x[last - 2]
-    P[last, :] = g1 * P[last - 1] + g2 * P[last - 2]
-    P[:, last] = g1 * P[:, last - 1] + g2 * P[:, last - 2]
+    for j in range(STATES):
+        P[last, j] = g1 * P[last - 1, j] + g2 * P[last - 2, j]
+    for i in range(STATES):
+        P[i, last] = g1 * P[i, last - 1] + g2 * P[i, last - 2]
     P[last, last] = g1 * P[last, last - 1] + g2 * P[last, last - 2] + t.bend_std * t.bend_std
 
 

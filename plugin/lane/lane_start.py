@@ -29,6 +29,7 @@ from plugin.lane.refine_fit import (
 )
 from plugin.lane.road_model import HEADING, LEFT, LINES, OFFSET, RIGHT, STATES, WIDTH
 from sumo_net.compile import kernel
+from sumo_net.copy_kernels import copy_matrix, copy_vector
 
 Array = np.ndarray[Any, Any]
 
@@ -53,8 +54,7 @@ class Room(NamedTuple):
     expected: Array
 
 
-@kernel
-def room_for(rows):  # type: ignore[no-untyped-def]
+def room_for(rows: int) -> Room:
     """Room for `rows` image rows."""
     return Room(
         np.zeros((rows * SEGMENTS * PER_SEGMENT, 2)),
@@ -91,7 +91,7 @@ def lean_to_lane(predicted, about, speed, yaw_rate, t, work, scratch):  # type: 
     if not cholesky(work.prior, work.factor):
         return False
     solve(work.factor, scratch)
-    predicted[:] = scratch
+    copy_vector(scratch, predicted)
     return True
 
 
@@ -114,7 +114,7 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, t, work, r
             if not given:
                 continue
             lane_start(t, trial)
-            predicted[:] = trial
+            copy_vector(trial, predicted)
             initial_covariance(P, t, 1.0, 0.05, t.lane_width_std_m, 2e-3)
             if not invert(P, work.factor, work.prior):
                 continue
@@ -125,10 +125,10 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, t, work, r
         else:
             if room.score[attempt] <= 0.0:
                 continue
-            trial[:] = room.starts[attempt]
+            copy_vector(room.starts[attempt], trial)
         if not plausible(trial, speed, t):
             continue
-        predicted[:] = trial
+        copy_vector(trial, predicted)
         predicted[WIDTH] = 0.5 * (predicted[WIDTH] + t.lane_width_m)
         loose = 1.0 if attempt < STARTS else 2.0
         initial_covariance(P, t, 0.15 * loose, 0.008 * loose, 0.3, 8e-4 * loose)
@@ -157,13 +157,13 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, t, work, r
         support = int(support_of(work) * trust(trial, 0.0, speed, yaw_rate, t.usual_turn))
         if support > best and invert(work.information, work.factor, room.covariance):
             best = support
-            room.chosen[:] = trial
-            room.kept[:, :] = room.covariance
-            room.found[:, :] = work.found
-            room.expected[:, :] = work.expected
+            copy_vector(trial, room.chosen)
+            copy_matrix(room.covariance, room.kept)
+            copy_matrix(work.found, room.found)
+            copy_matrix(work.expected, room.expected)
     if best > 0:
-        x[:] = room.chosen
-        P[:, :] = room.kept
-        work.found[:, :] = room.found
-        work.expected[:, :] = room.expected
+        copy_vector(room.chosen, x)
+        copy_matrix(room.kept, P)
+        copy_matrix(room.found, work.found)
+        copy_matrix(room.expected, work.expected)
     return best

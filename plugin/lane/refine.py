@@ -8,6 +8,7 @@ is no longer seen or has become impossible, and asks for the search again. `plug
 
 import functools
 import math
+import threading
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -16,6 +17,8 @@ from pydantic import Field, model_validator
 from camera_synth.camera import WIDTH_PX, Projection
 from plugin.lane.estimate import Borders, LaneEstimate
 from plugin.lane.hidden import nothing_hidden
+from plugin.lane.lane_start import room_for
+from plugin.lane.refine_fit import workspace
 from plugin.lane.refine_kernels import (
     LOCKED,
     REACH_M,
@@ -207,6 +210,16 @@ def _rows(p: Projection) -> Array:
     return rows_to_read(p.center_y + p.focal_y * p.sin_pitch / p.cos_pitch)
 
 
+class _WorkSpace(threading.local):
+    """What the kernel works in, each thread's own; nothing in it lasts from call to call."""
+
+    def __init__(self) -> None:
+        self.of = functools.lru_cache(maxsize=4)(lambda rows: (workspace(rows), room_for(rows)))
+
+
+_WORK_SPACE = _WorkSpace()
+
+
 def step(
     frames: Array,
     borders: Borders | None,
@@ -236,7 +249,7 @@ def step(
         left, right = np.ascontiguousarray(borders.left), np.ascontiguousarray(borders.right)
         there = np.ones(n, np.bool_) if given is None else np.ascontiguousarray(given, np.bool_)
     new = LaneState(*(np.empty_like(part) for part in state))
-    out = _empty_estimate(n)
+    out, rows = _empty_estimate(n), _rows(projection)
     step_kernel(
         np.ascontiguousarray(frames),
         left,
@@ -244,11 +257,12 @@ def step(
         there,
         nothing_hidden(n) if hidden is None else np.ascontiguousarray(hidden),
         state,
-        _rows(projection),
+        rows,
         projection,
         np.ascontiguousarray(speed_mps, np.float64),
         np.full(n, np.nan) if yaw_rate_rps is None else np.ascontiguousarray(yaw_rate_rps, np.float64),
         tuning(refine, preview_distance(projection)),
+        *_WORK_SPACE.of(len(rows)),
         new,
         out,
     )

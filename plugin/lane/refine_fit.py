@@ -67,11 +67,12 @@ class Work(NamedTuple):
     factor: Array  # (STATES, STATES)
     gradient: Array  # (STATES,)
     J: Array  # (STATES,)
+    before: Array  # (STATES,) state before the frame
+    along: Array  # (STATES,)
     hidden: Array  # (BODIES, COLUMNS) of `plugin.lane.hidden`
 
 
-@kernel
-def workspace(rows):  # type: ignore[no-untyped-def]
+def workspace(rows: int) -> Work:
     """Work for `rows` image rows."""
     return Work(
         np.zeros((NODES, 5)),
@@ -90,6 +91,8 @@ def workspace(rows):  # type: ignore[no-untyped-def]
         np.zeros((STATES, STATES)),
         np.zeros((STATES, STATES)),
         np.zeros((STATES, STATES)),
+        np.zeros(STATES),
+        np.zeros(STATES),
         np.zeros(STATES),
         np.zeros(STATES),
         np.zeros((BODIES, COLUMNS)),
@@ -322,7 +325,8 @@ def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: igno
                 spacing = rows[r + 1] - rows[r] if r + 1 < rows.shape[0] else 1.0
                 weight *= min(1.0, 0.34 * spacing) / (t.noise_px * t.noise_px + noise_m * noise_m)
                 seen = jacobian(phase, side, r, p, work)
-                J[seen:] = 0.0
+                for j in range(seen, STATES):
+                    J[j] = 0.0
                 for i in range(seen):
                     v = weight * J[i]
                     gradient[i] += v * away

@@ -7,9 +7,9 @@ import numpy as np
 from plugin.lane.evidence import pixel_noise, plausible, share_of_paint, side_seen, support_of
 from plugin.lane.hidden import outline
 from plugin.lane.lane_motion import predict, shift_lane
-from plugin.lane.lane_start import room_for, start
+from plugin.lane.lane_start import start
 from plugin.lane.own_turn import contradicted, measure, open_road, trust
-from plugin.lane.refine_fit import farthest_found, fit, gather, invert, predict_spread, tally, workspace
+from plugin.lane.refine_fit import farthest_found, fit, gather, invert, predict_spread, tally
 from plugin.lane.rival import LOOKS, carry, contradicts, prove
 from plugin.lane.road_model import (
     FURTHEST_M,
@@ -20,7 +20,6 @@ from plugin.lane.road_model import (
     OUTER_LEFT,
     PITCH,
     RIGHT,
-    STATES,
     WIDTH,
     border_columns,
     curvature_at,
@@ -29,6 +28,7 @@ from plugin.lane.road_model import (
     trace,
 )
 from sumo_net.compile import kernel
+from sumo_net.copy_kernels import copy_matrix, copy_vector
 
 SEARCHING, TENTATIVE, LOCKED = 0, 1, 2
 NEXT_LANE_M = 0.9
@@ -50,25 +50,23 @@ def second_look(status, age, misses, doubtful):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rate, t, new, out):  # type: ignore[no-untyped-def]
+def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rate, t, work, room, new, out):  # type: ignore[no-untyped-def]
     """One frame for every vehicle: state `old` -> `new`, LaneEstimate arrays in `out`."""
-    work = workspace(rows.shape[0])
-    room = room_for(rows.shape[0])
-    before = np.zeros(STATES)
-    along = np.zeros(STATES)
+    before, along = work.before, work.along
     for i in range(frames.shape[0]):
         x, P = new.x[i], new.P[i]
-        x[:], P[:, :] = old.x[i], old.P[i]
+        copy_vector(old.x[i], x)
+        copy_matrix(old.P[i], P)
         phase, status = old.phase[i], old.status[i]
         misses, age, proof = old.misses[i], old.age[i], old.proof[i]
         rival = new.rival[i]
-        rival[:] = old.rival[i]
+        copy_vector(old.rival[i], rival)
         shift = 0
-        work.hidden[:, :] = hidden[i]
+        copy_matrix(hidden[i], work.hidden)
         outline(frames[i], work.hidden, p)
         seen_left, seen_right = False, False
-        new.share[i, :] = old.share[i]
-        new.beside[i, :] = old.beside[i]
+        copy_vector(old.share[i], new.share[i])
+        copy_vector(old.beside[i], new.beside[i])
         if status == SEARCHING:
             misses, age, proof, phase = 0, 0, 0, 0.0
             support = start(
@@ -99,7 +97,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
             phase = predict(x, P, phase, speed[i] * t.step_s, t)
             carry(rival, speed[i] * t.step_s)
             measure(x, P, phase, speed[i], yaw_rate[i], t.yaw_rate_std, along)
-            before[:] = x
+            copy_vector(x, before)
             good = invert(P, work.factor, work.prior)
             predict_spread(x, P, phase, rows, p, t, work)
             noise = pixel_noise(frames[i], rows, work)
@@ -120,7 +118,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                         new.share[i, side] = new.beside[i, side]
                         new.beside[i, 1 - side] = max(old.share[i, 1 - side], 2.0 * t.neighbour_share)
                         new.beside[i, side] = 0.0
-                        before[:] = x
+                        copy_vector(x, before)
                         good = invert(P, work.factor, work.prior)
                         predict_spread(x, P, phase, rows, p, t, work)
                         gather(frames[i], rows, t, noise, work)
@@ -150,7 +148,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                     status = SEARCHING
             else:
                 seen_left, seen_right = False, False
-                x[:] = before
+                copy_vector(before, x)
                 new.found[i, :] = 0.0
                 misses += 1
                 if status == TENTATIVE or misses > t.patience_frames or not plausible(x, speed[i], t):
@@ -198,7 +196,9 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
             else:
                 rival[LOOKS] = max(rival[LOOKS] - 1.0, 0.0)
             if better:
-                x[:], P[:, :], phase = room.x, room.P, 0.0
+                copy_vector(room.x, x)
+                copy_matrix(room.P, P)
+                phase = 0.0
                 rival[LOOKS] = 0.0
                 misses, seen_left, seen_right = 0, True, True
                 if fresh >= t.lock_rows:
