@@ -45,7 +45,7 @@ bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/coupling_against_traci.py
 
 soak: $(VENV)/.runtime
-	$(BIN)/python benchmarks/soak.py --duration 3600 --equip 0.42 --out out/soak
+	$(BIN)/python benchmarks/soak.py --duration 3600 --out out/soak
 
 faults: $(VENV)/.dev
 	$(BIN)/python benchmarks/faults.py --kills 50

@@ -4,8 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
-from benchmarks.soak import grew, sizes, slope
+from benchmarks.soak import grew, judge, sizes, slope
 from tests.plugin.test_assistance import in_process
 
 BYTES_A_VEHICLE = ("_equipped", "_bodies", "_lane", "_left", "_from_m", "_row", "_keys")  # arrays by handle
@@ -72,6 +73,20 @@ def test_growth_is_found() -> None:
     rise, error = slope(hours, 500.0 + 3.0 * hours + 0.01 * np.sin(50.0 * hours))
     assert abs(rise - 3.0) < 0.05
     assert error < 0.05
+
+
+@pytest.mark.parametrize(("leak_mb_per_h", "status"), [(0.0, 0), (20.0, 1)])
+def test_memory_of_a_larger_fleet_is_no_leak(leak_mb_per_h: float, status: int) -> None:
+    draw = np.random.default_rng(1)
+    time_s = np.arange(30.0, 3601.0, 30.0)
+    equipped, vehicles = draw.poisson(50, len(time_s)), draw.poisson(140, len(time_s))
+    memory_mb = 500.0 + np.maximum.accumulate(0.7 * equipped) + np.maximum.accumulate(0.2 * vehicles)
+    memory_mb += leak_mb_per_h * time_s / 3600.0 + draw.normal(0.0, 0.5, len(time_s))
+    samples = np.column_stack([time_s, memory_mb, time_s, equipped, vehicles, 2.0 * time_s, time_s])
+    assert judge(samples, []) == status
+    plain, _ = slope(time_s / 3600.0, memory_mb)
+    beside, _ = slope(time_s / 3600.0, memory_mb, *np.maximum.accumulate([equipped, vehicles], axis=1))
+    assert abs(beside - leak_mb_per_h) < 2.0 < plain - leak_mb_per_h
 
 
 def test_sizes_reach_what_objects_hold() -> None:
