@@ -47,8 +47,8 @@ def cause(words: str, otherwise: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """The text without its line breaks."""
-    return " ".join(text.split())
+    """The text without line breaks, and with what could steer a terminal written out: SUMO quotes names."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(text.split()))
 
 
 def is_left_hand(net_file: Path) -> bool:
