@@ -63,20 +63,20 @@ class FilterSettings:
 
     offset_m: float = Field(0.002, gt=0, description="camera: what is new in a look, offset at pivot_m")
     heading_rad: float = Field(1e-4, gt=0, description="camera: what is new in a look, heading")
-    curvature_1pm: float = Field(1e-5, gt=0, description="camera: curvature at the preview point, a look")
+    curvature_1pm: float = Field(3e-5, gt=0, description="camera: mean curvature up to the preview point")
     curvature_rate_1pm2: float = Field(3e-6, gt=0, description="camera: change of curvature, a look")
     one_border_factor: float = Field(1.5, ge=1, description="on all four while one border only is seen")
     heading_bias_rad: float = Field(4e-4, gt=0, description="camera: error of the heading that lasts")
     heading_bias_time_s: float = Field(2.0, gt=0, description="camera: its correlation time")
-    pivot_m: float = Field(10.0, ge=0, description="camera: heading errors leave the lane so far ahead alone")
+    pivot_m: float = Field(11.5, ge=0, description="camera: heading errors leave the lane so far ahead alone")
     heading_per_slip: float = Field(
         0.0,
         ge=0,
         description="camera: rad by which the heading errs per m/s of v_y, for a tracker without slip",
     )
 
-    road_curvature_rate_1pm2: float = Field(1.5e-5, gt=0, description="road: how fast curvature changes")
-    road_length_m: float = Field(60.0, gt=0, description="road: correlation length of that change")
+    road_curvature_rate_1pm2: float = Field(3e-5, gt=0, description="road: how fast curvature changes")
+    road_length_m: float = Field(30.0, gt=0, description="road: correlation length of that change")
 
     residual_mps2: float = Field(0.3, gt=0, description="driver: lateral acceleration beyond the road's")
     residual_time_s: float = Field(1.5, gt=0, description="driver: its correlation time")
@@ -192,7 +192,7 @@ def schedule(
     ]
     H, R = measurement(c, preview_m)
     W = np.linalg.inv(np.linalg.cholesky(R))
-    near = c.curvature_1pm + preview_m * c.curvature_rate_1pm2
+    near = c.curvature_1pm + 0.5 * preview_m * c.curvature_rate_1pm2
     heading = math.hypot(c.heading_rad, c.heading_bias_rad)
     seen = [math.hypot(c.offset_m, c.pivot_m * heading), heading, near, c.curvature_rate_1pm2]
     own = [c.residual_mps2, c.residual_mps2, 1.0, math.sqrt(0.5), c.heading_bias_rad]
@@ -231,11 +231,11 @@ def schedule(
 
 
 def measurement(settings: FilterSettings, preview_m: float) -> tuple[Array, Array]:
-    """H (4, 13) and R (4, 4) of a look (d, ψ, K_L, K')."""
+    """H (4, 13) and R (4, 4) of a look (d, ψ, mean K up to the preview point, K')."""
     c = settings
     H = np.zeros((M, N))
     H[0, D] = H[1, PSI] = H[2, K] = H[3, KRATE] = 1.0
-    H[2, KRATE] = preview_m
+    H[2, KRATE] = 0.5 * preview_m
     H[1, BIAS], H[0, BIAS] = 1.0, -c.pivot_m
     H[1, VY], H[0, VY] = c.heading_per_slip, -c.pivot_m * c.heading_per_slip
     R = np.diag([c.offset_m, c.heading_rad, c.curvature_1pm, c.curvature_rate_1pm2]) ** 2

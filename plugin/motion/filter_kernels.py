@@ -36,7 +36,7 @@ class FilterSchedule(NamedTuple):
     steer: Array  # (m, 3) δ_D = steer · (K, K', r)
     steady: Array  # (m, 2) (v_y, γ) in a steady turn, for curvature 1
     initial: Array  # (13,) variances on first sight, of what that look does not tell
-    whitened: Array  # (4, 13) W H: measurements (d, ψ, K_L, K') of unit variance, uncorrelated
+    whitened: Array  # (4, 13) W H: measurements (d, ψ, mean K, K') of unit variance, uncorrelated
     whitener: Array  # (4, 4) W
     quick: float  # rad, of UNREST − CALM
     slip_error: float  # √s of the share of v γ that the model's v̇_y errs by
@@ -85,11 +85,12 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
     for i in range(speed.size):
         v = max(0.0, speed[i])
         z[0], z[1] = lane.lateral_offset_m[i], lane.heading_error_rad[i]
-        # The mean curvature up to the preview point is (e_L + ψ) / D_L. The change of curvature in front of
-        # the vehicle is surer from it than from the estimate's own, which reaches beyond the preview point.
+        # The mean curvature up to the preview point is (e_L + ψ) / D_L. It tells of the road that is about to
+        # be driven also where its change begins or ends in view; carried back from K_L, that would not hold.
+        # The change in front of the vehicle is surer from it than from the estimate's own, which reaches on.
         mean = (lane.preview_heading_rad[i] + z[1]) / s.preview
-        z[2] = lane.curvature_1pm[i]
-        z[3] = 2.0 * (z[2] - mean) / s.preview
+        z[2] = mean
+        z[3] = 2.0 * (lane.curvature_1pm[i] - mean) / s.preview
         borders = int(lane.left_border_seen[i]) + int(lane.right_border_seen[i])
         seen = lane.locked[i] and borders > 0 and math.isfinite(z[0] + z[1] + z[2] + z[3])
         unseen = 0.0 if seen else state.unseen[i] + s.step
@@ -191,7 +192,7 @@ def predict(x0, P0, j, w, s, F, Q, half, x, P):  # type: ignore[no-untyped-def]
 @kernel
 def update(x, P, z, pose_spread, road_spread, s, gain, PH):  # type: ignore[no-untyped-def]
     """One whitened measurement after the other (eqs. 17 to 19); returns by how many standard deviations the
-    worst was off. The spreads multiply the standard deviations of (d, ψ) and of (K_L, K').
+    worst was off. The spreads multiply the standard deviations of (d, ψ) and of (mean K, K').
     """
     worst = 0.0
     for m in range(M):
@@ -301,7 +302,7 @@ def begin(z, j, w, v, s, x, P):  # type: ignore[no-untyped-def]
             P[r, c] = 0.0
         P[r, r] = s.initial[r]
     x[D], x[PSI], x[KRATE] = z[0], z[1], z[3]
-    x[K] = z[2] - z[3] * s.preview
+    x[K] = z[2] - 0.5 * z[3] * s.preview
     x[VY] = x[K] * ((1.0 - w) * s.steady[j, 0] + w * s.steady[j + 1, 0])
     x[YAW] = x[K] * v
 

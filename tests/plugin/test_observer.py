@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from plugin.motion import observer
 from plugin.motion.bank_kernels import BankSchedule
-from plugin.motion.estimate import MotionEstimate
+from plugin.motion.estimate import MotionEstimate, OwnReadings
 from plugin.motion.filter import FilterSettings, continuous_model, measurement
 from plugin.motion.filter_kernels import GYRO, N, predict, update
 from plugin.motion.observer import ObserverSettings
@@ -37,11 +37,13 @@ def change():
     return drive(HALF, lane_change_steer(HALF, 25.0), lambda t: 25.0, duration_s=9.0)
 
 
-def run(schedule, truth, seen):
+def run(schedule, truth, seen, sensed=False):
     n = len(seen[0].score)
-    state, rows = observer.init(n, schedule), []
+    state, rows, own = observer.init(n, schedule), [], None
     for k, look in enumerate(seen):
-        state, motion = observer.step(state, schedule, look, np.full(n, truth.speed_mps[k]))
+        if sensed:
+            own = OwnReadings(np.full(n, truth.yaw_rate_rps[k]), np.full(n, truth.steer_rad[k]))
+        state, motion = observer.step(state, schedule, look, np.full(n, truth.speed_mps[k]), own)
         rows.append(motion)
     return state, rows
 
@@ -157,22 +159,49 @@ def test_published_run_half_load_accelerating(schedule):
     assert column(rows, "lateral_speed_mps")[late, 0] == pytest.approx(slip, rel=0.10, abs=2e-3)
 
 
+def follow(curvature, v, duration_s):
+    """The drive of a driver who keeps the lane."""
+    per = HALF.wheelbase_m + HALF.understeer * v**2
+
+    def steer(t, x, speed):
+        return per * (curvature(x[2] + 0.3 * v) - (0.49 * x[3] + 1.1 * (v * x[4] + x[0])) / v**2)
+
+    return drive(HALF, steer, lambda t: v, curvature, duration_s)
+
+
 def test_entering_a_curve_is_followed(schedule):
     v = 25.0
 
     def curvature(s):
         return float(np.clip((s - 100.0) / 100.0, 0.0, 1.0) / 500.0)
 
-    per = HALF.wheelbase_m + HALF.understeer * v**2
-
-    def steer(t, x, speed):
-        return per * (curvature(x[2] + 0.3 * v) - (0.49 * x[3] + 1.1 * (v * x[4] + x[0])) / v**2)
-
-    truth = drive(HALF, steer, lambda t: v, curvature, duration_s=14.0)
+    truth = follow(curvature, v, duration_s=14.0)
     _, rows = run(schedule, truth, looks(truth, np.random.default_rng(5), 100, **CAMERA))
     peak = np.abs(truth.yaw_rate_rps).max()
     error = column(rows, "yaw_rate_rps")[20:] - truth.yaw_rate_rps[20:, None]
     assert np.sqrt(np.mean(error**2)) < 0.10 * peak
+
+
+@pytest.mark.parametrize("sensed", [False, True])
+def test_where_a_bend_begins_or_ends_curvature_and_heading_stay_true(schedule, sensed):
+    # 60 m of clothoid between straight and R 500: the curvature in view is not linear; looks without error
+    v = 25.0
+
+    def curvature(s):
+        return (np.clip((s - 100.0) / 60.0, 0.0, 1.0) - np.clip((s - 260.0) / 60.0, 0.0, 1.0)) / 500.0
+
+    truth = follow(curvature, v, duration_s=16.0)
+    in_view = curvature(truth.station_m[:, None] + np.linspace(0.0, PREVIEW_M, 200)).mean(axis=1)
+    directions = in_view * PREVIEW_M - truth.heading_rad
+    seen = [
+        look._replace(preview_heading_rad=np.full(1, direction))
+        for look, direction in zip(looks(truth), directions, strict=True)
+    ]
+    _, rows = run(schedule, truth, seen, sensed)
+    heading = column(rows, "heading_error_rad")[20:, 0] - truth.heading_rad[20:]
+    bend = column(rows, "curvature_1pm")[20:, 0] - truth.curvature_1pm[20:]
+    assert np.sqrt(np.mean(heading**2)) < 5e-4
+    assert np.sqrt(np.mean(bend**2)) < 1e-4
 
 
 @within(deadline=None)  # the kernels are compiled in the first example
