@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 import hashlib
 import json
 import platform
@@ -10,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import Field, TypeAdapter
 
 from camera_synth.camera import Camera
 from camera_synth.condition import PRESETS, Condition, preset_settings
@@ -71,7 +72,7 @@ class Configuration(Scenario):
     @property
     def hash(self) -> str:
         """SHA-256 over all settings, the same for equal settings on every machine."""
-        text = json.dumps(dataclasses.asdict(self), sort_keys=True)
+        text = json.dumps(_adapter().dump_python(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
     @property
@@ -88,6 +89,11 @@ class Configuration(Scenario):
     def predicting(self) -> PredictionSettings:
         """The predictor's settings in this run's mode."""
         return dataclasses.replace(self.prediction, mode=self.mode)
+
+
+@functools.cache
+def _adapter() -> TypeAdapter[Configuration]:
+    return TypeAdapter(Configuration)
 
 
 def load_configuration(source: str, changes: Mapping[str, Any] | None = None) -> Configuration:

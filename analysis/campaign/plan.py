@@ -7,7 +7,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -16,9 +16,10 @@ import numpy as np
 import pydantic
 from pydantic import Field
 
-from plugin.configuration import Configuration, load_configuration
+from plugin.configuration import Configuration, configuration_from
 from plugin.schema import TABLES
 from sumo_net.randomness import generator
+from sumo_net.scenario import laid_over, scenario_mapping
 from sumo_net.settings import SettingsError, read, read_toml, settings
 
 MOST_RUNS = 100_000  # each is checked before the first one begins
@@ -61,7 +62,7 @@ class Draw:
         low, high = (-np.inf if self.low is None else self.low), (np.inf if self.high is None else self.high)
         for _ in range(1000):
             value = float(
-                draw.uniform(low, high)
+                draw.uniform(low, high + 0.0)  # numpy refuses 0.0 to -0.0
                 if self.distribution == "uniform"
                 else getattr(draw, self.distribution)(self.mean, self.deviation)
             )
@@ -180,7 +181,7 @@ def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") ->
         raise SettingsError(f"{source}: asks for {count} runs: at most {MOST_RUNS}")
     cells: list[dict[str, Any]] = []
     runs, recorded, hashes = [], 0.0, []
-    contents = functools.cache(_contents)
+    contents, mapping = functools.cache(_contents), functools.cache(scenario_mapping)
     for scenario, values in itertools.product(scenarios, itertools.product(*campaign.grid.values())):
         cell = dict(zip(campaign.grid, values, strict=True))
         for seed in numbers:
@@ -190,7 +191,7 @@ def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") ->
                 changes["duration_s"] = campaign.duration_s
             for name, value in given.items():
                 _put(changes, name, value, source)
-            checked = _check(scenario, changes, source, cell)
+            checked = _check(mapping, scenario, changes, source, cell)
             recorded += checked.duration_s
             hashes.append(checked.hash + contents(checked.configuration) + contents(checked.net_file))
             runs.append(Run(f"{len(cells):04d}-{seed:010d}", len(cells), scenario, seed, changes))
@@ -215,9 +216,17 @@ def _contents(file: str) -> str:
     return whole.hexdigest()
 
 
-def _check(scenario: str, changes: Mapping[str, Any], source: str, cell: Mapping[str, Any]) -> Configuration:
+def _check(
+    mapping: Callable[[str], tuple[dict[str, Any], Path]],
+    scenario: str,
+    changes: Mapping[str, Any],
+    source: str,
+    cell: Mapping[str, Any],
+) -> Configuration:
+    """As `load_configuration`, of a scenario that `mapping` has read before."""
     try:
-        return load_configuration(scenario, changes)
+        base, path = mapping(scenario)
+        return configuration_from(laid_over(base, changes), str(path))
     except SettingsError as error:
         where = ", ".join(f"{name} = {value!r}" for name, value in cell.items())
         raise SettingsError(f"{source}: run {scenario}{' with ' + where if where else ''}: {error}") from None

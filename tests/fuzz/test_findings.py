@@ -97,6 +97,15 @@ def test_a_path_that_is_none(tmp_path: Path) -> None:
         load_configuration(str(tmp_path / "a.toml"))
 
 
+def test_a_draw_between_nought_and_minus_nought(tmp_path: Path) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(
+        'scenarios = ["highway"]\nseeds = {first = 1, count = 1}\n[random]\n'
+        '"condition.noise_grey" = {distribution = "uniform", low = 0, high = -0.0}\n'
+    )
+    assert plan.load(file).runs[0].changes["condition"] == {"noise_grey": 0.0}
+
+
 @pytest.mark.usefixtures("soon")
 def test_a_campaign_of_more_runs_than_anyone_can_make(tmp_path: Path) -> None:
     grid = "\n".join(f'"driver.distraction_per_min{k}" = [1, 2, 3, 4, 5, 6, 7, 8, 9]' for k in range(20))
