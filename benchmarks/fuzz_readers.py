@@ -287,7 +287,8 @@ READERS: dict[str, Reader] = {
     reader.name: reader
     for reader in (
         Reader("scenario", ".toml", _scenario, (_SCENARIO,), (*_TOML, *_NUMBERS, *_TEXTS)),
-        Reader("campaign", ".toml", _campaign, (_CAMPAIGN,), (*_TOML, *_NUMBERS, *_TEXTS)),
+        # 100,000 runs are legal, and each of them is checked: half a millisecond
+        Reader("campaign", ".toml", _campaign, (_CAMPAIGN,), (*_TOML, *_NUMBERS, *_TEXTS), limit_s=60.0),
         Reader("camera", ".toml", _camera, (_CAMERA,), (*_TOML, *_NUMBERS, *_TEXTS)),
         Reader("expect", ".scenario.toml", _expectations, (_EXPECT,), (*_TOML, *_NUMBERS, *_TEXTS)),
         Reader("radar_csv", ".csv", _log("csv"), (_CSV,), (b",", b"\n", b'"', *_NUMBERS, *_TEXTS)),
