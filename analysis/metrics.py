@@ -113,10 +113,20 @@ def paired_gain(
     return pd.DataFrame(rows)
 
 
+def before_crossing(steps: pd.DataFrame, below_s: float = 1.0) -> pd.DataFrame:
+    """The steps at which the true TLC is in (0, below_s]."""
+    truth = steps["true_tlc_s"]
+    return steps[(truth > 0.0) & (truth <= below_s) & steps["on_marked_road"].fillna(False)]
+
+
+def tlc_error(near: pd.DataFrame, column: str) -> pd.Series:
+    """|TLC error|; no crossing foreseen within the horizon is one of unknown size: it counts as infinite."""
+    return (near[column].fillna(np.inf) - near["true_tlc_s"]).abs()
+
+
 def tlc_errors(steps: pd.DataFrame, below_s: float = 1.0) -> dict[str, float]:
     """|TLC error| where the true TLC is in (0, below_s]: of the estimate, the floor and both baselines."""
-    truth = steps["true_tlc_s"]
-    near = steps[(truth > 0.0) & (truth <= below_s) & steps["on_marked_road"].fillna(False)]
+    near = before_crossing(steps, below_s)
     result: dict[str, float] = {"tlc_steps": len(near)}
     for label, column in (
         ("tlc", "tlc_s"),
@@ -124,8 +134,7 @@ def tlc_errors(steps: pd.DataFrame, below_s: float = 1.0) -> dict[str, float]:
         ("tlc_constant_velocity", "tlc_constant_velocity_s"),
         ("tlc_constant_radius", "tlc_constant_radius_s"),
     ):
-        # no crossing foreseen within the horizon is an error of unknown size: it counts as infinite
-        error = (near[column].fillna(np.inf) - near["true_tlc_s"]).abs()
+        error = tlc_error(near, column)
         result[f"{label}_error_median_s"] = quantile(error, 0.5)
         result[f"{label}_error_p95_s"] = quantile(error, 0.95)
         result[f"{label}_unforeseen_rate"] = mean(near[column].isna())

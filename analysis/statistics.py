@@ -56,6 +56,27 @@ def ratio_interval(numerator: Array, denominator: Array, resamples: int = RESAMP
     return float(interval.low), float(interval.high)
 
 
+def quantile_ratio_interval(
+    numerator: pd.Series, denominator: pd.Series, cluster: Array, q: float, resamples: int = RESAMPLES
+) -> tuple[float, float]:
+    """95 % bootstrap interval of quantile(numerator, q) / quantile(denominator, q) of paired rows (N,).
+
+    Whole clusters are drawn: `cluster` (N,) numbers them from 0. NaN for fewer than two.
+    """
+    clusters = int(cluster.max()) + 1 if len(cluster) else 0
+    if clusters < 2:
+        return float("nan"), float("nan")
+    random = np.random.default_rng(0)
+    ratios = np.full(resamples, np.nan)
+    for k in range(resamples):
+        times = random.multinomial(clusters, np.full(clusters, 1.0 / clusters))
+        drawn = np.repeat(np.arange(len(cluster)), times[cluster])
+        over = quantile(denominator.iloc[drawn], q)
+        ratios[k] = quantile(numerator.iloc[drawn], q) / over if over > 0.0 else np.inf
+    low, high = np.quantile(ratios, (0.025, 0.975), method="higher")  # no mean of two: one may be infinite
+    return float(low), float(high)
+
+
 def clustered_share(rows: pd.DataFrame, column: str) -> tuple[float, float, float]:
     """Share of True in `column`, with a 95 % bootstrap interval over (run, vehicle): frames of one are alike.
 

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from analysis import metrics
+from analysis.evaluation import tlc_ratio
 
 CAUSES = ["lane_keeping", "distraction", "microsleep", "lane_change_signalled", "lane_change_unsignalled"]
 
@@ -190,6 +191,39 @@ def test_tlc_errors_count_what_was_not_foreseen_as_infinite() -> None:
     assert found["tlc_unforeseen_rate"] == pytest.approx(1 / 3)
     assert found["tlc_true_state_error_p95_s"] == 0.0
     assert math.isinf(found["tlc_constant_radius_error_median_s"])
+
+
+def approaches(errors: list[float], vehicles: int) -> pd.DataFrame:
+    """Each vehicle's ten steps before its crossing err alike: the true state by 0.1 s, the estimate so."""
+    tables = []
+    for k in range(vehicles):
+        truth = np.linspace(1.0, 0.1, 10)
+        error = errors[k % len(errors)]
+        columns = {"true_tlc_s": truth, "tlc_s": truth + error, "tlc_true_state_s": truth + 0.1}
+        tables.append(steps_table(10, vehicle_id=f"v{k}", **columns))
+    return pd.concat(tables, ignore_index=True)
+
+
+def test_tlc_ratio_lies_within_its_interval_which_knows_that_steps_of_a_vehicle_are_alike() -> None:
+    one = tlc_ratio(approaches([0.2], 30))
+    assert [*one.values()] == pytest.approx([2.0, 2.0, 2.0])
+    # 3 of 60 err five times: whether the 95th percentile is theirs hangs on how often those are drawn
+    few = tlc_ratio(approaches([0.1] * 19 + [0.5], 60))
+    assert few["tlc_error_p95_ratio_low"] == pytest.approx(1.0)
+    assert few["tlc_error_p95_ratio_high"] == pytest.approx(5.0)
+
+
+def test_tlc_ratio_of_approaches_that_are_not_foreseen_is_open_above() -> None:
+    ratio = tlc_ratio(approaches([0.1] * 19 + [np.inf], 60).replace(np.inf, np.nan))
+    assert ratio["tlc_error_p95_ratio_low"] == pytest.approx(1.0)
+    assert ratio["tlc_error_p95_ratio_high"] == math.inf
+
+
+@pytest.mark.parametrize("vehicles", [0, 1])
+def test_tlc_ratio_of_fewer_than_two_vehicles_has_no_interval(vehicles: int) -> None:
+    ratio = tlc_ratio(approaches([0.2], 2).iloc[: 10 * vehicles])
+    assert math.isnan(ratio["tlc_error_p95_ratio_low"])
+    assert math.isnan(ratio["tlc_error_p95_ratio_high"])
 
 
 def test_warning_counts_per_100_km() -> None:
