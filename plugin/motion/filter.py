@@ -9,8 +9,9 @@ noises, of which the lateral speed's grows with the turn.
 
 The camera's errors are mostly not new in every look. A narrow camera sees the road from about `pivot_m` ahead
 on; what lies under the wheels comes from its memory. So heading and offset err together, as if the lane had
-been turned about that point: by an error that lasts for seconds (a state), and by a tracker that takes the
-car to roll without slip (in proportion to v_y).
+been bent about that point, and so does the mean curvature, since the direction at the preview point is seen:
+by an error that lasts for seconds (a state), and by a tracker that takes the car to roll without slip (in
+proportion to v_y).
 
 A gyroscope and a steering sensor, where the vehicle has them, are two more measurements: γ and the steer,
 each with an offset that is a state and wanders slowly. Without them the filter is the camera's alone.
@@ -90,7 +91,7 @@ class FilterSettings:
     slow_mps: float = Field(8.0, gt=0, description="driver: below, the residual goes by distance")
 
     lateral_speed_noise: float = Field(0.003, ge=0, description="model: v_y, m/s per √s")
-    slip_error: float = Field(0.02, ge=0, description="model: v̇_y errs by this share of v γ (load), √s")
+    slip_error: float = Field(0.03, ge=0, description="model: v̇_y errs by this share of v γ (load), √s")
     yaw_rate_noise: float = Field(5e-4, ge=0, description="model: γ, rad/s per √s")
     heading_noise: float = Field(1e-5, ge=0, description="model: ψ, rad per √s")
 
@@ -107,7 +108,7 @@ class FilterSettings:
         description="on offset_m and heading_rad while both sensors read: the errors of looks are alike for "
         "long, which matters once the motion is known without them",
     )
-    sensed_slip_error: float = Field(0.005, ge=0, description="slip_error while both sensors read")
+    sensed_slip_error: float = Field(0.02, ge=0, description="slip_error while both sensors read")
 
     clip_sd: float = Field(6.0, gt=1, description="an innovation counts up to so many sd, twice that …")
     doubt_sd: float = Field(16.0, gt=1, description="a look so far off contradicts the estimate: no warning")
@@ -236,12 +237,11 @@ def measurement(settings: FilterSettings, preview_m: float) -> tuple[Array, Arra
     H = np.zeros((M, N))
     H[0, D] = H[1, PSI] = H[2, K] = H[3, KRATE] = 1.0
     H[2, KRATE] = 0.5 * preview_m
-    H[1, BIAS], H[0, BIAS] = 1.0, -c.pivot_m
-    H[1, VY], H[0, VY] = c.heading_per_slip, -c.pivot_m * c.heading_per_slip
-    R = np.diag([c.offset_m, c.heading_rad, c.curvature_1pm, c.curvature_rate_1pm2]) ** 2
-    R[0, 0] += (c.pivot_m * c.heading_rad) ** 2
-    R[0, 1] = R[1, 0] = -c.pivot_m * c.heading_rad**2
-    return H, R
+    # The lane is bent about the pivot by an error; direction and curvature at the preview point are seen.
+    bent = np.array([-c.pivot_m, 1.0, 1.0 / preview_m, -2.0 / preview_m**2])
+    H[:, BIAS], H[:, VY] = bent, c.heading_per_slip * bent
+    R = np.diag([c.offset_m, 0.0, c.curvature_1pm, c.curvature_rate_1pm2]) ** 2
+    return H, R + c.heading_rad**2 * np.outer(bent, bent)
 
 
 def _turn(vehicle: Vehicle, speed_mps: float) -> Array:

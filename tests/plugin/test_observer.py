@@ -81,7 +81,9 @@ def test_filters_the_offset_below_the_cameras_noise(schedule, change):
 
 
 def tracked(truth, seen, lasting_rad, per_slip, rng):
-    """The looks with heading errors that last or go with v_y, the lane turned about 10 m ahead."""
+    """The looks with heading errors that last or go with v_y: the lane is bent about a point 10 m ahead, its
+    direction at the preview point is seen.
+    """
     lasting, out = lasting_rad * rng.standard_normal(len(seen[0].score)), []
     keep = np.exp(-0.1 / 2.0)
     for k, look in enumerate(seen):
@@ -91,7 +93,6 @@ def tracked(truth, seen, lasting_rad, per_slip, rng):
             look._replace(
                 heading_error_rad=look.heading_error_rad + error,
                 lateral_offset_m=look.lateral_offset_m - 10.0 * error,
-                preview_heading_rad=look.preview_heading_rad - error,
             )
         )
     return out
@@ -103,10 +104,11 @@ def test_tells_the_trackers_lasting_errors_from_the_motion(change):
     _, rows = run(observer.schedule(HALF, PREVIEW_M, ObserverSettings()), change, seen)
     during = slice(20, 75)
     assert relative_rmse(column(rows, "yaw_rate_rps"), change.yaw_rate_rps, during) < 0.10
-    assert relative_rmse(column(rows, "lateral_speed_mps"), change.lateral_speed_mps, during) < 0.05
+    assert relative_rmse(column(rows, "lateral_speed_mps"), change.lateral_speed_mps, during) < 0.03
     heading = column(rows, "heading_error_rad")[during] - change.heading_rad[during, None]
     camera = np.array([look.heading_error_rad for look in seen])[during] - change.heading_rad[during, None]
     assert heading.std() < 0.5 * camera.std()
+    assert (column(rows, "curvature_1pm")[during] - change.curvature_1pm[during, None]).std() < 2.7e-5
 
 
 def test_contradicted_looks_are_told(schedule, change):
@@ -116,7 +118,7 @@ def test_contradicted_looks_are_told(schedule, change):
     assert run(schedule, change, seen[:13])[1][-1].settled_s == pytest.approx([0.0, 1.2])
 
 
-@pytest.mark.parametrize(("slip_error", "off"), [(0.02, 0.18), (0.10, 0.10)])
+@pytest.mark.parametrize(("slip_error", "off"), [(0.03, 0.18), (0.10, 0.10)])
 def test_camera_corrects_the_slip_of_a_full_load(slip_error, off):
     # about Z11's third run (80 km/h, δ 0.01); the observer takes the car for half loaded, which alone errs by
     # a fifth. The default leaves most of that: a slip freer than that would follow the tracker's errors.
