@@ -58,7 +58,7 @@ class DepartureSettings:
     hysteresis_s: float = Field(0.5, ge=0, description="a warning ends, a side is armed, this much above")
     confirm_s: float = Field(0.4, ge=0, description="the look before was at most this much above")
     urgent_s: float = Field(0.3, ge=0, description="level 2 from here, or with a wheel over the border")
-    consistent_s: float = Field(0.5, ge=0, description="no look has contradicted the estimate for so long")
+    consistent_s: float = Field(0.2, ge=0, description="no look has contradicted the estimate for so long")
     edge_m: float = Field(0.10, ge=0, description="a wheel so near the border is due whatever its TLC")
     least_drift_mps: float = Field(0.03, ge=0, description="no warning without so much drift to that side")
     earliest_m: float = Field(0.75, gt=0, description="ISO 17361, from memory: not earlier inside the border")

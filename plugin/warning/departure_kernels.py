@@ -85,8 +85,8 @@ def step(state, crossing, drift, settled, shift, speed, signal, c, new, out):  #
             inside = c.edge if since >= c.rearm_time - 1e-9 else c.rearm_gap
             clear = c.threshold + c.hysteresis
             # The border of a lane just entered: as soon as the wheel is over it and moves on.
-            over_left = crossed > 0 and gap_left >= c.edge and drift[i] < 0.0
-            over_right = crossed < 0 and gap_right >= c.edge and drift[i] > 0.0
+            over_left = crossed > 0 and gap_left > 0.0 and drift[i] < 0.0
+            over_right = crossed < 0 and gap_right > 0.0 and drift[i] > 0.0
             if over_left or over_right:
                 crossed = 0
             served_left = served_left and not (over_left or (gap_left >= inside and left > clear))

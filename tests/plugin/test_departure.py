@@ -189,9 +189,10 @@ def test_after_a_change_of_lane_the_border_behind_does_not_warn():
     assert np.count_nonzero(got.started) == 1
 
 
-def test_coming_back_over_the_border_just_crossed_warns():
-    # into the lane on the left until the right wheel is 0.15 m clear of the border, and back at once
-    inside = 1.875 + (1.875 - INSIDE_M) + 0.15
+@pytest.mark.parametrize("clear_m", [0.15, 0.07])
+def test_coming_back_over_the_border_just_crossed_warns(clear_m):
+    # into the lane on the left until the right wheel is so far clear of the border, and back at once
+    inside = 1.875 + (1.875 - INSIDE_M) + clear_m
     across = np.arange(1.0, inside, 0.06)
     offset = np.r_[across, across[::-1]]
     drift = np.r_[np.full(len(across), 0.6), np.full(len(across), -0.6)]
@@ -208,8 +209,19 @@ def test_no_warning_on_an_estimate_that_the_looks_contradict():
     doubted = np.full(len(offset), 5.0)
     doubted[plain - 1 :] = 0.1 * np.arange(len(offset) - plain + 1)
     begun = int(np.argmax(play(offset, drift, settled=doubted).started[:, 0] != 0))
-    assert begun == plain - 1 + 5  # consistent_s after the contradiction
-    assert not play(offset, drift, settled=0.2).started.any()
+    assert begun == plain - 1 + 2  # consistent_s after the contradiction
+    assert not play(offset, drift, settled=0.1).started.any()
+
+
+def test_a_contradiction_half_a_second_before_the_crossing_leaves_time_to_warn():
+    # one look contradicts an estimate that had not foreseen the crossing (seed 624 of the evaluation)
+    offset, drift = drift_out(0.5)
+    crossing = int(np.argmax(offset > INSIDE_M))
+    foreseen = np.where(np.arange(len(offset)) < crossing - 4, 0.0, drift)
+    settled = np.full(len(offset), 5.0)
+    settled[crossing - 4 :] = 0.1 * np.arange(len(offset) - crossing + 4)
+    begun = int(np.argmax(play(offset, foreseen, settled=settled).started[:, 0] != 0))
+    assert 0 < begun < crossing
 
 
 @given(
