@@ -28,6 +28,12 @@ class Matching:
         0.1, ge=0, description="a border counts again once the wheel was so far inside"
     )
     rearm_s: float = Field(2.0, ge=0, description="… or after so long")
+    signalled_s: float = Field(
+        1.5,
+        ge=0,
+        description="a crossing to a side whose turn signal was on so long before is a signalled change, "
+        "also one that was then broken off",
+    )
     due_from_mps: float = Field(11.1, ge=0, description="a warning is due for crossings from this speed")
 
 

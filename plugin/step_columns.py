@@ -44,6 +44,7 @@ def of_truth(truth: EgoTruth, snapshot: Snapshot) -> Columns:
         "world_heading_rad": truth.heading_rad,
         "drift_mps": drift,
         "cause": truth.cause.astype(np.int64),
+        "signal": truth.signal,
         "true_lateral_offset_m": truth.lane_offset_m,
         "true_lane_width_m": truth.lane_width_m,
         "true_heading_error_rad": truth.lane_heading_rad,

@@ -38,6 +38,7 @@ class Scorer:
         inside; NaN where no marking is painted
     drift_mps : true lateral speed in the lane, left positive
     cause : index into CAUSES
+    signal : turn signal, +1 left, -1 right, 0 none
     warning_side : +1, -1, 0 of the lane-departure warning
     predicted, constant_velocity, constant_radius, true_state : (n, 4, 3) forward, left, heading in the
         vehicle frame at HORIZONS_S; NaN where nothing was predicted
@@ -156,6 +157,9 @@ class Scorer:
         while cause == 0 and back > 0 and follows[back] and i - back < 20:  # the episode just ended
             back -= 1
             cause = int(rows["cause"][back])
+        lately = slice(max(i - round(self._book.matching.signalled_s / STEP_S), 0), i + 1)
+        if np.any((rows["handle"][lately] == rows["handle"][i]) & (rows["signal"][lately] == side)):
+            cause = SIGNALLED
         return Departure(
             handle=int(rows["handle"][i]),
             side=side,

@@ -30,6 +30,7 @@ def columns(step: int, offset: float, drift: float, **more: Any) -> dict[str, np
         "margin_right_m": INSIDE + offset,
         "drift_mps": drift,
         "cause": 0,
+        "signal": 0,
         "warning_side": 0,
         "tlc_s": np.nan,
     } | more
@@ -115,6 +116,19 @@ def test_no_warning_is_due_for_a_slow_crossing(speed: float, due: bool) -> None:
     slow = [columns(k, *drift_and_back(k), speed_mps=speed, x_m=0.1 * speed * k) for k in range(300)]
     departures = score(slow).table("departures")
     assert departures["speed_mps"].tolist() == [speed]
+    assert departures["warned"].notna().all() == due
+
+
+@pytest.mark.parametrize(("signal", "until_s", "due"), [(1, 11.5, False), (1, 10.5, True), (-1, 11.5, True)])
+def test_a_change_whose_turn_signal_ended_just_before_the_crossing_is_signalled(
+    signal: int, until_s: float, due: bool
+) -> None:
+    # the wheel crosses at 12.25 s; a driver who breaks a change off ends the signal while still moving over
+    rows = [
+        columns(k, *drift_and_back(k), cause=4, signal=signal if k / 10 < until_s else 0) for k in range(200)
+    ]
+    departures = score(rows).table("departures")
+    assert departures["cause"].tolist() == ["lane_change_unsignalled" if due else "lane_change_signalled"]
     assert departures["warned"].notna().all() == due
 
 
