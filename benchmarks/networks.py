@@ -3,9 +3,9 @@
     python benchmarks/networks.py [--duration 30] [--networks grid tracks] [--configuration mine.sumocfg]
 
 A row a network: equipped vehicles (20 % of the cars, and every bus, lorry, motorcycle, bicycle and tram),
-how often those that moved saw the lane where markings were beside them and where none were, warnings there,
-how far from its lane a vehicle came at most. Exit status 1 where a run broke or a rule of `faults` did not
-hold.
+how often those that moved saw the lane where markings were beside them and where none were, how often its
+lines were right or wrong where a marking showed in the picture, warnings where there was none beside, how far
+from its lane a vehicle came at most. Exit status 1 where a run broke or a rule of `faults` did not hold.
 """
 
 import argparse
@@ -64,11 +64,15 @@ def row(name: str, out: Path, cpu_s: float) -> dict[str, object]:
     steps = pd.read_csv(out / "steps.csv", low_memory=False)
     moving = steps[steps["speed_mps"] > 3.0]
     marked = moving["on_marked_road"].astype(bool)
+    shown = moving[marked & moving["recognised"].notna()]
+    right = shown["recognised"].astype(bool)
     return {
         "network": name,
         "vehicles": steps["vehicle_id"].nunique(),
         "rows": len(steps),
         "seen_%": round(100 * moving["lane_locked"][marked].mean(), 1),
+        "right_%": round(100 * right.mean(), 1),
+        "wrong_%": round(100 * (shown["lane_locked"] & ~right).mean(), 1),
         "seen_unmarked_%": round(100 * moving["lane_locked"][~marked].mean(), 1),
         "unmarked_%": round(100 * (~marked).mean(), 1),
         "warned_unmarked": int((moving["ldw_active"][~marked]).sum()),
