@@ -2,13 +2,15 @@
 
 The vote is a second opinion for frames where shadows or hidden paint mislead the search: every ridge below
 `NEAR_M` votes, under each heading and curvature of a grid, for a lateral position; the best pair of positions
-a lane width apart with the vehicle between them wins. The start whose fit finds more paint is taken.
+a lane width apart with the vehicle between them wins; where that would be an odd width, votes for a line
+between the two speak against them. The start whose fit finds more paint is taken.
 """
 
 import math
 
 import numpy as np
 
+from plugin.lane.evidence import width_odds
 from plugin.lane.hidden import without_hidden
 from plugin.lane.ridge import candidates
 from plugin.lane.road_model import (
@@ -38,6 +40,7 @@ BIN_M, HALF_BINS = 0.15, 60
 HEADINGS, HEADING_STEP = 19, 0.008
 CURVATURES, CURVATURE_STEP = 17, 6.0e-4
 STARTS = 3
+CLEAR_M = 0.75  # closer to a border, a line may be the other one of a pair
 
 
 @kernel
@@ -134,6 +137,11 @@ def vote(point, found, about, t, bins, smooth, starts, score):  # type: ignore[n
     count = 2 * HALF_BINS + 1
     narrow = math.floor(t.min_width_m / BIN_M)
     wide = math.ceil(t.max_width_m / BIN_M)
+    clear = math.ceil(CLEAR_M / BIN_M)
+    usual = math.ceil(t.lane_width_m / BIN_M)  # from which on wider lanes are less likely
+    odds = np.zeros(wide + 1)
+    for b in range(wide + 1):
+        odds[b] = width_odds(b * BIN_M, t)
     trial = np.zeros(STATES)
     starts[:, :] = 0.0
     score[:] = 0.0
@@ -166,15 +174,26 @@ def vote(point, found, about, t, bins, smooth, starts, score):  # type: ignore[n
             for b in range(max(middle, 0), min(middle + wide, count)):
                 if smooth[b] < 3.0:
                     continue
-                for c in range(max(0, b - wide), min(b - narrow, middle) + 1):
+                nearest = min(b - narrow, middle)
+                if b - nearest > usual and 5.0 * smooth[b] * odds[b - nearest] <= best:
+                    continue
+                within = 0.0  # votes of the best line between the two: they may be two lanes
+                for inner in range(nearest + clear + 1, b - clear + 1):
+                    within = max(within, smooth[inner])
+                for c in range(nearest, max(0, b - wide) - 1, -1):
+                    if c + clear <= b - clear:
+                        within = max(within, smooth[c + clear])
+                    if b - c > usual and 5.0 * smooth[b] * odds[b - c] <= best:
+                        break  # wider ones cannot win
                     if smooth[c] < 3.0:
                         continue
                     # both borders count: the weaker one decides
-                    width = (b - c) * BIN_M
-                    off = (width - t.lane_width_m) / t.lane_width_std_m
                     votes = min(smooth[b], 4.0 * smooth[c]) + min(smooth[c], 4.0 * smooth[b])
-                    votes *= math.exp(-0.125 * off * off)
+                    if odds[b - c] < t.usual_width:
+                        votes -= t.line_within * within
+                    votes *= odds[b - c]
                     if votes > best:
+                        width = (b - c) * BIN_M
                         best = votes
                         trial[OFFSET] = -0.5 * (b + c - 2 * HALF_BINS) * BIN_M - back
                         trial[HEADING] = heading
@@ -200,6 +219,22 @@ def vote(point, found, about, t, bins, smooth, starts, score):  # type: ignore[n
             place -= 1
         score[place] = best
         copy_vector(trial, starts[place])
+
+
+@kernel
+def line_within(x, point, found, bins):  # type: ignore[no-untyped-def]
+    """Ridges on the best line along the lane x between its borders, not close to either."""
+    bins[:] = 0.0
+    reach = 0.5 * x[WIDTH] - CLEAR_M
+    for m in range(found):
+        ahead = point[m, 0]
+        left = point[m, 1] + x[OFFSET] + ahead * (x[HEADING] - 0.5 * x[KNOT + 1] * ahead)
+        if abs(left) < reach:
+            bins[math.floor(left / BIN_M + 0.5) + HALF_BINS] += 1.0
+    most = 0.0
+    for b in range(1, bins.shape[0] - 1):
+        most = max(most, bins[b] + 0.5 * (bins[b - 1] + bins[b + 1]))
+    return most
 
 
 @kernel

@@ -41,17 +41,31 @@ def plausible(x, speed, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def width_odds(width, t):  # type: ignore[no-untyped-def]
+    """How likely lanes are so wide, against the likeliest width; heavy tails, for roads that others drew."""
+    off = (width - t.lane_width_m) / t.lane_width_std_m
+    return max(math.exp(-0.125 * off * off), t.odd_width)
+
+
+@kernel
+def of_usual_width(x, t):  # type: ignore[no-untyped-def]
+    """Whether lanes are often as wide as x."""
+    return width_odds(x[WIDTH], t) >= t.usual_width
+
+
+@kernel
 def side_seen(found, expected, t):  # type: ignore[no-untyped-def]
     """Whether a border counts as measured in this frame."""
     return found >= t.least_rows and found >= t.least_share * expected
 
 
 @kernel
-def support_of(work):  # type: ignore[no-untyped-def]
-    """Rows that speak for a lane; both borders count, the weaker one decides."""
+def support_of(x, t, work):  # type: ignore[no-untyped-def]
+    """Rows that speak for the lane x; both borders count, the weaker one decides; less at odd widths."""
     left, _ = tally(work, LEFT)
     right, _ = tally(work, RIGHT)
-    return min(left, 3 * right) + min(right, 3 * left)
+    rows = min(left, 3 * right) + min(right, 3 * left)
+    return int(rows * min(1.0, width_odds(x[WIDTH], t) / t.usual_width))
 
 
 @kernel

@@ -11,11 +11,12 @@ from plugin.lane.acquire import (
     STARTS,
     initial_covariance,
     lane_start,
+    line_within,
     parabola_as_candidates,
     ridge_points,
     vote,
 )
-from plugin.lane.evidence import pixel_noise, plausible, side_seen, support_of
+from plugin.lane.evidence import of_usual_width, pixel_noise, plausible, side_seen, support_of
 from plugin.lane.own_turn import expect, trust
 from plugin.lane.refine_fit import (
     cholesky,
@@ -154,7 +155,9 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, t, work, r
             continue
         if not plausible(trial, speed, t) or abs(trial[OFFSET]) > 0.5 * trial[WIDTH] + 0.3:
             continue
-        support = int(support_of(work) * trust(trial, 0.0, speed, yaw_rate, t.usual_turn))
+        support = int(support_of(trial, t, work) * trust(trial, 0.0, speed, yaw_rate, t.usual_turn))
+        if not of_usual_width(trial, t):  # two lanes, taken for one?
+            support -= int(t.line_within * line_within(trial, room.point, found, room.bins))
         if support > best and invert(work.information, work.factor, room.covariance):
             best = support
             copy_vector(trial, room.chosen)

@@ -42,8 +42,10 @@ class Refine:
     marking_width_m: float = Field(0.15, gt=0, le=0.5, description="paint that the ridge filter expects")
     lane_width_m: float = Field(3.6, gt=0, description="prior of the lane width")
     lane_width_std_m: float = Field(0.4, gt=0)
-    min_width_m: float = Field(2.5, gt=0, description="a narrower lane is none")
-    max_width_m: float = Field(4.8, gt=0)
+    min_width_m: float = Field(
+        1.7, gt=0, description="a narrower lane is none; odd widths need more evidence"
+    )
+    max_width_m: float = Field(9.0, gt=0, description="nor is a wider one")
     range_m: float = Field(REACH_M, gt=20, le=REACH_M, description="how far the borders are followed")
     contrast: float = Field(6.0, gt=0, description="least response of a ridge, grey levels")
     noise_factor: float = Field(2.5, ge=0, description="least response over its standard deviation by noise")
@@ -109,6 +111,10 @@ class Tuning(NamedTuple):
     bend_most_mps2: float = 5.0  # lateral acceleration in the bends ahead that a road asks for
     bend_slope: float = 0.3  # and how much of the change from the one before goes on
     bend_keep: float = 0.95  # of the last knot's curvature in a new one
+    odd_width: float = 0.05  # least odds of a width that lane_width_std_m makes unlikely
+    line_within: float = 3.0  # votes that one for a line between two borders takes from them
+    usual_width: float = 0.4  # odds from which on a lane counts in full
+    odd_confirm_frames: int = 5  # that must follow the start of another one
     least_rows: int = 4
     least_share: float = 0.1
     lock_rows: int = 16
@@ -124,6 +130,7 @@ class Tuning(NamedTuple):
     rival_rad: float = 0.015
     rival_width_m: float = 0.4
     rival_looks: int = 5  # in which a lane that differs must be the same to be believed
+    odd_looks: int = 20  # and one of odd width against one of a usual width
     yaw_rate_std: float = 0.003  # of the own yaw rate as a measurement
     usual_turn: float = 0.02  # rad/s against the lane: the more of it, the less a lane found anew counts
     odd_turn: float = 0.0016  # rad/s by which a fitted lane may miss the yaw rate while less of it is seen

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from plugin.lane.evidence import pixel_noise, plausible, share_of_paint, side_seen, support_of
+from plugin.lane.evidence import of_usual_width, pixel_noise, plausible, share_of_paint, side_seen, support_of
 from plugin.lane.hidden import outline
 from plugin.lane.lane_motion import predict, shift_lane
 from plugin.lane.lane_start import start
@@ -36,15 +36,15 @@ REACH_M = FURTHEST_M  # how far the model goes, for settings to check against
 
 
 @kernel
-def second_look(status, age, misses, doubtful):  # type: ignore[no-untyped-def]
+def second_look(status, age, misses, doubtful, odd_width):  # type: ignore[no-untyped-def]
     """Whether to compare the lane that is followed with one that is sought anew.
 
     Soon after a start, which may have been wrong, now and then later, while less of the lane is seen than is
-    usual (`doubtful`), and while it is not seen.
+    usual (`doubtful`), while its width is odd, and while it is not seen.
     """
     if status == TENTATIVE or age == 2 or age == 5 or age == 12 or age == 25:
         return True
-    if doubtful and age % 3 == 0:
+    if (doubtful or odd_width) and age % 3 == 0:
         return True
     return age % 50 == 0 or (misses > 0 and misses % 4 == 0)
 
@@ -142,7 +142,8 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                     new.found[i, side] = share
                     usual = new.share[i, side]
                     new.share[i, side] = usual + (0.3 if share > usual else 0.02) * (share - usual)
-                if status == TENTATIVE and seen_left and seen_right and age >= t.confirm_frames:
+                confirm = t.confirm_frames if of_usual_width(x, t) else t.odd_confirm_frames
+                if status == TENTATIVE and seen_left and seen_right and age >= confirm:
                     status = LOCKED
                 if misses > (t.patience_frames if status == LOCKED else t.confirm_frames):
                     status = SEARCHING
@@ -166,8 +167,11 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
         else:
             proof += int(seen_left and seen_right)
         proven = proof >= t.proven_frames
-        if status != SEARCHING and (rival[LOOKS] > 0.0 or second_look(status, age, misses, doubtful)):
-            support = support_of(work) if seen_left or seen_right else 0
+        odd_width = not of_usual_width(x, t)
+        if status != SEARCHING and (
+            rival[LOOKS] > 0.0 or second_look(status, age, misses, doubtful, odd_width)
+        ):
+            support = support_of(x, t, work) if seen_left or seen_right else 0
             if odd or not proven:
                 support = int(support * trust(x, phase, speed[i], yaw_rate[i], t.usual_turn))
             fresh = start(
@@ -190,7 +194,8 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
             beside = misses == 0 and aside < NEXT_LANE_M  # the same lines, taken for those of the next lane
             better = fresh > 1.3 * support + 4 and not beside
             if better and proven and contradicts(room.x, x, P, t):
-                better = prove(rival, room.x, x, t)
+                odder = not odd_width and not of_usual_width(room.x, t)
+                better = prove(rival, room.x, x, t.odd_looks if odder else t.rival_looks, t)
                 if better:
                     proof = 0
             else:

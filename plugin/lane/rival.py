@@ -42,10 +42,10 @@ def carry(rival, advance):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def prove(rival, fresh, x, t):  # type: ignore[no-untyped-def]
-    """Count one more look that found the rival `fresh`; True once it was the same for long enough."""
+def prove(rival, fresh, x, looks, t):  # type: ignore[no-untyped-def]
+    """Count one more look that found the rival `fresh`; True once it was the same in `looks`."""
     aside, turned = fresh[OFFSET] - x[OFFSET], fresh[HEADING] - x[HEADING]
     same = abs(aside - rival[ASIDE]) < t.rival_m and abs(turned - rival[TURNED]) < t.rival_rad
     rival[LOOKS] = rival[LOOKS] + 1.0 if rival[LOOKS] > 0.0 and same else 1.0
     rival[ASIDE], rival[TURNED] = aside, turned
-    return rival[LOOKS] >= t.rival_looks
+    return rival[LOOKS] >= looks

@@ -42,10 +42,10 @@ def test_a_rival_must_be_the_same_lane_in_one_look_after_the_other():
     aside, proven = -1.3, []
     for _ in range(T.rival_looks):
         rival.carry(one, 2.5)
-        proven.append(rival.prove(one, pose(aside, TURNED_RAD), x, T))
+        proven.append(rival.prove(one, pose(aside, TURNED_RAD), x, T.rival_looks, T))
         aside += 2.5 * TURNED_RAD
     assert proven == [False] * (T.rival_looks - 1) + [True]
-    assert not rival.prove(one, pose(aside + 1.0, TURNED_RAD), x, T)
+    assert not rival.prove(one, pose(aside + 1.0, TURNED_RAD), x, T.rival_looks, T)
     assert one[rival.LOOKS] == 1.0
 
 
