@@ -37,6 +37,7 @@ NEAR_M = 60.0
 MIDDLE_M = 28.0
 SEGMENTS, PER_SEGMENT = 5, 3
 BIN_M, HALF_BINS = 0.15, 60
+WIDEST_M = 2 * HALF_BINS * BIN_M  # of a lane: its borders, and lines within it, fall into bins
 HEADINGS, HEADING_STEP = 19, 0.008
 CURVATURES, CURVATURE_STEP = 17, 6.0e-4
 STARTS = 3

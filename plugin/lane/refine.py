@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from camera_synth.camera import WIDTH_PX, Projection
+from plugin.lane.acquire import WIDEST_M
 from plugin.lane.estimate import Borders, LaneEstimate
 from plugin.lane.hidden import nothing_hidden
 from plugin.lane.lane_start import room_for
@@ -45,7 +46,7 @@ class Refine:
     min_width_m: float = Field(
         1.7, gt=0, description="a narrower lane is none; odd widths need more evidence"
     )
-    max_width_m: float = Field(9.0, gt=0, description="nor is a wider one")
+    max_width_m: float = Field(9.0, gt=0, le=WIDEST_M, description="nor is a wider one")
     range_m: float = Field(REACH_M, gt=20, le=REACH_M, description="how far the borders are followed")
     contrast: float = Field(6.0, gt=0, description="least response of a ridge, grey levels")
     noise_factor: float = Field(2.5, ge=0, description="least response over its standard deviation by noise")

@@ -43,3 +43,8 @@ def test_the_lane_is_the_one_between_its_own_lines(solid, dashed, width_m):
         if lane.locked[0]:
             assert lane.lane_width_m[0] == pytest.approx(width_m, abs=0.15)
             assert lane.lateral_offset_m[0] == pytest.approx(0.1, abs=0.1)
+
+
+def test_lanes_wider_than_the_vote_looks_are_refused():
+    with pytest.raises(ValueError, match="max_width_m"):
+        Refine(max_width_m=40.0)  # lines within such a lane would be counted outside of the votes' memory
