@@ -113,7 +113,7 @@ def picture() -> None:
     nowhere = np.full((1, len(AHEAD_M)), np.nan)
     borders = np.full((1, len(AHEAD_M), MAX_BORDERS), np.nan)
     road = RoadAhead(*(nowhere,) * 5, borders, np.zeros(borders.shape, np.int8), nowhere, nowhere)
-    none = Objects(np.full((1, MAX_OBJECTS), -1), *(np.full((1, MAX_OBJECTS), np.nan),) * 8)
+    none = Objects(np.full((1, MAX_OBJECTS), -1), *(np.full((1, MAX_OBJECTS), np.nan),) * 7)
     pose, truth = Pose(*(np.zeros(1),) * 3), (start + OWN_RIGHT, new_border_columns(1))
     p = projection(Camera())
     render(frames, p, road, none, pose, looks(Condition(), 1), keys, start, PROCESSED_FROM, truth)
@@ -153,11 +153,11 @@ def radar() -> None:
     from sumo_net.snapshot import Snapshot
     from sumo_net.surroundings import Objects
 
-    at = Snapshot(np.zeros(1, np.int64), *(np.zeros(1),) * 10)
+    at = Snapshot(np.zeros(1, np.int64), *(np.zeros(1),) * 9)
     at = at._replace(lane=np.zeros(1, np.int32))
     objects_in_view(Radar(), at, at)
     one = np.zeros((1, 1))
-    body = Objects(np.zeros((1, 1), np.int64), *(one + value for value in (30.0, 0, 0, 9, 0, 4, 2, 1.5)))
+    body = Objects(np.zeros((1, 1), np.int64), *(one + value for value in (30.0, 0, 0, 9, 4, 2, 1.5)))
     still, keys = np.zeros(1), np.zeros(1, np.uint64)
     scan(Radar(), body, OwnMotion(still, still, still), keys, np.zeros(1, np.int64))
     tracker, first = Tracker(TrackerSettings()), np.zeros(1, np.int64)

@@ -3,7 +3,7 @@
     python benchmarks/coupling_against_traci.py [--steps 200] [--share 0.2] [--out out/bench/coupling.json]
 
 Heavy traffic on the built-in highway with four lanes. A loop steps SUMO, reads position, angle, speed,
-acceleration, lane and place along it of all vehicles into arrays, and puts a share of them sideways on their
+lane and place along it of all vehicles into arrays, and puts a share of them sideways on their
 lanes. `libsumo getters` is this project's `Traffic`; the loops by subscription are written here in the plain
 way: subscribe each vehicle when it departs, take all results at once. Each runs in
 a process of its own after the same fill; timed is processor time, SUMO's own process included, and the bare
@@ -34,7 +34,7 @@ class Read(NamedTuple):
     """All vehicles after a step, ordered by name."""
 
     names: list[str]
-    numbers: np.ndarray  # (n, 6): x, y, angle, speed, acceleration, along
+    numbers: np.ndarray  # (n, 5): x, y, angle, speed, along
     lanes: list[str]
 
 
@@ -62,7 +62,6 @@ def by_subscription(sumo: Any, constants: Any) -> Callable[[], Read]:
         tc.VAR_POSITION,
         tc.VAR_ANGLE,
         tc.VAR_SPEED,
-        tc.VAR_ACCELERATION,
         tc.VAR_LANEPOSITION,
         tc.VAR_LANE_ID,
     )
@@ -76,8 +75,8 @@ def by_subscription(sumo: Any, constants: Any) -> Callable[[], Read]:
         results = sumo.vehicle.getAllSubscriptionResults()
         names = sorted(results)
         rows = [results[name] for name in names]
-        numbers = np.array([(*row[variables[0]], *(row[v] for v in variables[1:5])) for row in rows])
-        return Read(names, numbers, [row[variables[5]] for row in rows])
+        numbers = np.array([(*row[variables[0]], *(row[v] for v in variables[1:4])) for row in rows])
+        return Read(names, numbers, [row[variables[4]] for row in rows])
 
     return read
 

@@ -124,6 +124,7 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
         (Traffic, "write_lateral", "write state"),
         (LaneChanges, "step", "read state"),
         (Traffic, "snapshot", "read state"),
+        (Traffic, "accelerations_mps2", "read state"),
         (IncidentMaker, "step", "SUMO"),
         (Traffic, "step", "SUMO"),
     )

@@ -317,7 +317,7 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, most):  # type: ign
         M = max(M, used[i])
         for m in range(used[i]):
             nearest[i, m] = index[order[m]]
-    who, out = np.full((n, M), -1, np.int64), np.full((8, n, M), math.nan)
+    who, out = np.full((n, M), -1, np.int64), np.full((7, n, M), math.nan)
     for i in range(n):
         c, s = math.cos(heading[i]), math.sin(heading[i])
         for m in range(used[i]):
@@ -327,16 +327,14 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, most):  # type: ign
                 dy = snapshot.y_m[k] - back_y[k] - y[i]
                 who[i, m] = snapshot.handle[k]
                 out[2, i, m] = wrap_angle(snapshot.heading_rad[k] - heading[i])
-                out[3, i, m], out[4, i, m] = snapshot.speed_mps[k], snapshot.acceleration_mps2[k]
-                out[5, i, m], out[6, i, m] = snapshot.length_m[k], snapshot.width_m[k]
-                out[7, i, m] = snapshot.height_m[k]
+                out[3, i, m], out[4, i, m] = snapshot.speed_mps[k], snapshot.length_m[k]
+                out[5, i, m], out[6, i, m] = snapshot.width_m[k], snapshot.height_m[k]
             else:
                 k -= vehicles
                 dx, dy = roadside.x_m[k] - x[i], roadside.y_m[k] - y[i]
                 who[i, m] = roadside.handle[k]
                 out[2, i, m] = wrap_angle(roadside.heading_rad[k] - heading[i])
-                out[3, i, m], out[4, i, m] = 0.0, 0.0
-                out[5, i, m], out[6, i, m] = roadside.length_m[k], roadside.width_m[k]
-                out[7, i, m] = roadside.height_m[k]
+                out[3, i, m], out[4, i, m] = 0.0, roadside.length_m[k]
+                out[5, i, m], out[6, i, m] = roadside.width_m[k], roadside.height_m[k]
             out[0, i, m], out[1, i, m] = c * dx + s * dy, c * dy - s * dx
     return who, out

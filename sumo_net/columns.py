@@ -1,43 +1,49 @@
 """Two ways to read what changes of all vehicles: values asked one by one, or sent by SUMO with each step.
 
-Each gives a function of the vehicles' names that returns six lists: position (x, y), angle, speed,
-acceleration, lane, position along it; all as SUMO has them.
+All is as SUMO has it. The acceleration of an equipped vehicle is asked for, that of the others nobody uses.
 """
 
 from collections.abc import Callable
-from typing import Any
-
-Read = Callable[[list[str]], list[list[Any]]]
+from typing import Any, NamedTuple
 
 
-_ASKED = ("Position", "Angle", "Speed", "Acceleration", "LaneID", "LanePosition")
+class Reader(NamedTuple):
+    """What is asked of vehicles by their names, a list of them each."""
+
+    places: Callable[[list[str]], list[list[Any]]]  # position (x, y), angle, speed, lane, position along it
+    accelerations: Callable[[list[str]], list[float]]
 
 
-def by_getters(vehicle: Any, compiled: Any = None) -> Read:
+_ASKED = ("Position", "Angle", "Speed", "LaneID", "LanePosition")
+
+
+def by_getters(vehicle: Any, compiled: Any = None) -> Reader:
     """For libsumo, where a value costs 0.15 µs and subscriptions cost more.
 
     compiled: libsumo's extension module, whose functions are asked without the Python ones around them, which
     cost as much again; None for those of `vehicle`.
     """
-    getters = [
-        getattr(compiled, f"vehicle_get{name}", None) or getattr(vehicle, f"get{name}") for name in _ASKED
-    ]
 
-    def read(names: list[str]) -> list[list[Any]]:
+    def getter(name: str) -> Any:
+        return getattr(compiled, f"vehicle_get{name}", None) or getattr(vehicle, f"get{name}")
+
+    getters, acceleration = [getter(name) for name in _ASKED], getter("Acceleration")
+
+    def places(names: list[str]) -> list[list[Any]]:
         return [list(map(get, names)) for get in getters]
 
-    return read
+    return Reader(places, lambda names: list(map(acceleration, names)))
 
 
-def by_subscription(vehicle: Any, tc: Any) -> Read:
+def by_subscription(vehicle: Any, tc: Any) -> Reader:
     """For traci, where each value asked for is a message to and fro. `tc` is traci.constants."""
     variables = (
         tc.VAR_POSITION,
         tc.VAR_ANGLE,
         tc.VAR_SPEED,
-        tc.VAR_ACCELERATION,
         tc.VAR_LANE_ID,
         tc.VAR_LANEPOSITION,
+        tc.VAR_ACCELERATION,
     )
 
     def values(name: str) -> Any:
@@ -45,13 +51,16 @@ def by_subscription(vehicle: Any, tc: Any) -> Read:
         vehicle.subscribe(name, variables)
         return vehicle.getSubscriptionResults(name)
 
-    def read(names: list[str]) -> list[list[Any]]:
+    def places(names: list[str]) -> list[list[Any]]:
         known = vehicle.getAllSubscriptionResults()
         rows = []
         for name in names:
             row = known.get(name)
             complete = row is not None and all(variable in row for variable in variables)
             rows.append(row if complete else values(name))
-        return [[row[variable] for row in rows] for variable in variables]
+        return [[row[variable] for row in rows] for variable in variables[:-1]]
 
-    return read
+    def accelerations(names: list[str]) -> list[float]:
+        return [vehicle.getSubscriptionResults(name)[tc.VAR_ACCELERATION] for name in names]  # no message
+
+    return Reader(places, accelerations)

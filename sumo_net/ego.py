@@ -90,6 +90,8 @@ class Fleet(Protocol):
 
     def vehicle_id(self, handle: int) -> str: ...
 
+    def accelerations_mps2(self, handles: Array) -> Array: ...
+
     def route_ahead(self, handle: int) -> tuple[str, ...]: ...
 
 
@@ -154,7 +156,7 @@ class Ego:
         )  # fmt: skip
         advance(motion, mind, self._traits, drive, self._numbers, self._model)
         self._motion, self._mind = motion, mind
-        return self._truth(now, table)
+        return self._truth(table)
 
     def front_lateral_m(self) -> Array:
         """Offset (n,) of the front bumper's centre from SUMO's lane, to be written back, in truth's order."""
@@ -227,7 +229,7 @@ class Ego:
         self._mind = select(join(select(self._mind, kept), attentive(arrived)), order)
         self._motion = select(join(select(self._motion, kept), standing(now.handle[new])), order)
 
-    def _truth(self, now: Any, table: Any) -> EgoTruth:
+    def _truth(self, table: Any) -> EgoTruth:
         m, n = self._motion, len(self._motion.handle)
         x, y, heading, curvature, speed = place(m, table)
         right, left, kind_right, kind_left, lanes_left, marked = see(m, table)
@@ -241,7 +243,7 @@ class Ego:
             y_m=y,
             heading_rad=heading,
             speed_mps=speed,
-            acceleration_mps2=now.acceleration_mps2,
+            acceleration_mps2=self._fleet.accelerations_mps2(m.handle),
             lateral_speed_mps=m.lateral_speed_mps,
             yaw_rate_rps=m.yaw_rate_rps,
             steer_rad=m.steer_rad,

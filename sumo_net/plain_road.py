@@ -95,7 +95,7 @@ def road_ahead(
 def no_objects(n: int, bodies: int = 4) -> Objects:
     """Objects of which none is used."""
     blank = np.full((n, bodies), np.nan)
-    return Objects(np.full((n, bodies), -1, np.int64), *(blank.copy() for _ in range(8)))
+    return Objects(np.full((n, bodies), -1, np.int64), *(blank.copy() for _ in Objects._fields[1:]))
 
 
 def _vectors(*numbers: Number) -> tuple[Array, ...]:

@@ -19,7 +19,6 @@ class Snapshot(NamedTuple):
     y_m: Array
     heading_rad: Array  # counter-clockwise from +x, in [-pi, pi)
     speed_mps: Array
-    acceleration_mps2: Array
     lane: Array  # int32 index into Traffic.lane_ids, -1 when on none
     lane_position_m: Array  # front bumper along SUMO's lane
     length_m: Array

@@ -22,7 +22,6 @@ class Objects(NamedTuple):
     left_m: Array
     heading_rad: Array  # relative to the vehicle's
     speed_mps: Array  # along its own heading, over ground
-    acceleration_mps2: Array
     length_m: Array
     width_m: Array
     height_m: Array

@@ -44,8 +44,7 @@ def around(handle, x, y, heading, snapshot, centre_x, centre_y, reach, out):  # 
             if m >= found:
                 out.handle[i, m] = _UNUSED
                 out.forward_m[i, m] = out.left_m[i, m] = out.heading_rad[i, m] = math.nan
-                out.speed_mps[i, m] = out.acceleration_mps2[i, m] = math.nan
-                out.length_m[i, m] = out.width_m[i, m] = out.height_m[i, m] = math.nan
+                out.speed_mps[i, m] = out.length_m[i, m] = out.width_m[i, m] = out.height_m[i, m] = math.nan
                 continue
             k = index[m]
             out.handle[i, m] = snapshot.handle[k]
@@ -54,7 +53,6 @@ def around(handle, x, y, heading, snapshot, centre_x, centre_y, reach, out):  # 
             )
             out.heading_rad[i, m] = wrap_angle(snapshot.heading_rad[k] - heading[i])
             out.speed_mps[i, m] = snapshot.speed_mps[k]
-            out.acceleration_mps2[i, m] = snapshot.acceleration_mps2[k]
             out.length_m[i, m] = snapshot.length_m[k]
             out.width_m[i, m] = snapshot.width_m[k]
             out.height_m[i, m] = snapshot.height_m[k]

@@ -71,7 +71,7 @@ class Traffic:
         self._bodies = np.zeros((256, 3))  # by handle: length, width, height
         self._numbers: dict[str, int] = {}  # of the vehicles that are not gone
         self._routes: dict[int, tuple[str, int, tuple[str, ...]]] = {}
-        self._read_columns = (
+        self._reader = (
             columns.by_getters(simulation.vehicle, _compiled(simulation))
             if _in_process(simulation)
             else columns.by_subscription(simulation.vehicle, traci.constants)
@@ -203,22 +203,18 @@ class Traffic:
             self._forget(numbers.keys() - set(names))
         order = sorted([numbers[name] for name in names])
         known = self._names
-        position, angle, speed, acceleration, lanes, along = self._read_columns(
-            [known[handle] for handle in order]
-        )
+        position, angle, speed, lanes, along = self._reader.places([known[handle] for handle in order])
         handles = np.array(order, dtype=np.int64)
         xy = np.array(position, dtype=np.float64).reshape(-1, 2)
         lane = self._lane_indices(lanes)
         on_lane = lane >= 0
         bodies = self._bodies[handles]
-        acceleration_mps2 = np.array(acceleration, dtype=np.float64)
         made = Snapshot(
             handle=handles,
             x_m=xy[:, 0].copy(),
             y_m=xy[:, 1].copy(),
             heading_rad=heading_from_sumo_angle(np.array(angle, dtype=np.float64)),
             speed_mps=np.array(speed, dtype=np.float64),
-            acceleration_mps2=np.where(acceleration_mps2 > _INVALID, acceleration_mps2, 0.0),
             lane=lane,
             lane_position_m=np.where(on_lane, np.array(along, dtype=np.float64), np.nan),
             length_m=bodies[:, 0].copy(),
@@ -229,6 +225,12 @@ class Traffic:
         if somewhere.all():
             return made
         return Snapshot(*(part[somewhere] for part in made))
+
+    def accelerations_mps2(self, handles: Array) -> Array:
+        """(n,) of vehicles of the last snapshot; 0 of those that SUMO does not move."""
+        names = [self._names[handle] for handle in handles.tolist()]
+        found = np.array(self._reader.accelerations(names), dtype=np.float64)
+        return np.where(found > _INVALID, found, 0.0)
 
     def vehicle_id(self, handle: int) -> str:
         """SUMO's name of a vehicle, until REMEMBERED_S after it has left. Raises KeyError later."""

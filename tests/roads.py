@@ -17,7 +17,6 @@ def objects_at(rows: Sequence[Sequence[dict[str, float]]], bodies: int = 8) -> O
                 "handle": m + 1,
                 "heading_rad": 0.0,
                 "speed_mps": 25.0,
-                "acceleration_mps2": 0.0,
                 "length_m": 4.6,
                 "width_m": 1.8,
                 "height_m": 1.5,

@@ -235,7 +235,6 @@ def world(count: int, seed: int) -> Snapshot:
         y_m=rng.uniform(0, 60, count),
         heading_rad=rng.choice([0.0, math.pi], count) + rng.normal(0, 0.1, count),
         speed_mps=rng.uniform(0, 40, count),
-        acceleration_mps2=rng.uniform(-5, 3, count),
         lane=np.zeros(count, np.int32),
         lane_position_m=np.zeros(count),
         length_m=rng.uniform(3, 18, count),

@@ -141,6 +141,9 @@ class MadeUpTraffic:
     def vehicle_id(self, handle: int) -> str:
         return f"car{handle}"
 
+    def accelerations_mps2(self, handles: np.ndarray) -> np.ndarray:
+        return np.zeros(len(handles))
+
     def route_ahead(self, handle: int) -> tuple[str, ...]:
         return self.edges[self.edge[np.searchsorted(self.handle, handle)] :]
 
@@ -151,7 +154,7 @@ class MadeUpTraffic:
         n = len(self.handle)
         some = np.zeros(n)
         return Snapshot(
-            self.handle, some, some, some, self.speed.copy(), some, self.lane(), self.position.copy(),
+            self.handle, some, some, some, self.speed.copy(), self.lane(), self.position.copy(),
             some + 4.3, some + 1.8, some + 1.5,
         )  # fmt: skip
 

@@ -27,7 +27,7 @@ def traffic_run(out: Path, incidents: dict[str, float] | None, seed: int) -> dic
             now = traffic.snapshot()
             if maker is not None:
                 maker.step(now)
-            braking += int((now.acceleration_mps2 < -2.9).sum())
+            braking += int((traffic.accelerations_mps2(now.handle) < -2.9).sum())
             trace.append(float(now.speed_mps.sum()))
             for handle, lane in zip(now.handle.tolist(), now.lane.tolist(), strict=True):
                 before = last.get(handle, lane)

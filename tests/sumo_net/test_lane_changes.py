@@ -23,7 +23,7 @@ def graph() -> LaneGraph:
 def snapshot(lane: int, y: float, x: float = 0.0) -> Snapshot:
     ones = np.ones(1)
     return Snapshot(
-        np.array([4]), x * ones, y * ones, 0.0 * ones, 25.0 * ones, 0.0 * ones, np.array([lane], np.int32),
+        np.array([4]), x * ones, y * ones, 0.0 * ones, 25.0 * ones, np.array([lane], np.int32),
         x * ones, 4.5 * ones, 1.8 * ones, 1.5 * ones,
     )  # fmt: skip
 

@@ -28,7 +28,6 @@ def traffic(count: int, seed: int, extent_m: float = 400.0) -> Snapshot:
         y_m=rng.uniform(0, extent_m / 8, count),
         heading_rad=rng.uniform(-math.pi, math.pi, count),
         speed_mps=rng.uniform(0, 40, count),
-        acceleration_mps2=rng.uniform(-5, 3, count),
         lane=rng.integers(-1, 5, count).astype(np.int32),
         lane_position_m=rng.uniform(0, 100, count),
         length_m=rng.uniform(3, 18, count),
