@@ -121,13 +121,16 @@ def picture() -> None:
 
 
 def motion() -> None:
-    """Compile observer, prediction and lane-departure warning, as in the default settings."""
+    """Compile observer, prediction, lane-departure warning and what judges them, in the default settings."""
     from camera_synth.camera import Camera
+    from plugin.ground_truth import Judge
     from plugin.lane.estimate import LaneEstimate
     from plugin.motion import observer, prediction
     from plugin.motion.estimate import OwnReadings
     from plugin.warning import departure
     from plugin.warning.tlc import time_to_lane_crossing
+    from sumo_net.ego import EgoTruth
+    from sumo_net.road import AHEAD_M
     from sumo_net.vehicle import Vehicle
 
     vehicle, still, no = Vehicle(), np.zeros(1), np.zeros(1, np.bool_)
@@ -135,12 +138,15 @@ def motion() -> None:
     lane = LaneEstimate(no, *(still,) * 8, no, no, np.zeros(1, np.int8))
     _, known = observer.step(observer.init(1, schedule), schedule, lane, still, OwnReadings(still, still))
     predictor = prediction.predictor(vehicle, prediction.PredictionSettings())
-    prediction.constant_velocity(known, still, predictor)
-    prediction.constant_radius(known, still, predictor)
     path = prediction.predict(known, still, predictor)
     crossing = time_to_lane_crossing(known, path, vehicle, still)
     numbers = departure.numbers(departure.DepartureSettings())
     departure.step(departure.init(1), crossing, known, still, np.zeros(1, np.int8), numbers)
+    kinds = {"handle": np.int64, "path": np.int32, "lanes_left": np.int32, "on_marked_road": np.bool_}
+    kinds |= dict.fromkeys(("border_kind_right", "border_kind_left", "signal", "cause"), np.int8)
+    truth = EgoTruth._make(np.zeros(1, kinds.get(name, np.float64)) for name in EgoTruth._fields)
+    judge = Judge(vehicle, Camera().preview_m, predictor)
+    judge.reference(truth, np.zeros((1, len(AHEAD_M))), known, still, path, still)
 
 
 def radar() -> None:

@@ -41,12 +41,12 @@ class Stopwatch:
             self._turn()
             self._open.pop()
 
-    def time(self, owner: Any, attribute: str, name: str | Callable[..., str]) -> None:
-        """Time a function from now on; `name` may depend on its arguments."""
+    def time(self, owner: Any, attribute: str, name: str) -> None:
+        """Time a function from now on."""
         inner = getattr(owner, attribute)
 
         def timed(*arguments: Any, **options: Any) -> Any:
-            with self.stage(name if isinstance(name, str) else name(*arguments)):
+            with self.stage(name):
                 return inner(*arguments, **options)
 
         setattr(owner, attribute, timed)
@@ -79,6 +79,7 @@ class FirstOnes:
 def functions() -> tuple[tuple[Any, str, str], ...]:
     """What the stopwatch is put around: owner, name of the function, stage."""
     from plugin import chain, ranging, step_columns, vision
+    from plugin.ground_truth import Judge
     from plugin.lane import genetic, refine
     from plugin.motion import observer, prediction
     from plugin.own_motion import OwnSensors
@@ -111,12 +112,10 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
         (collision, "step", "warn rear end"),
         (RearEndScorer, "add", "tables"),
         (RearEndScorer, "settle", "tables"),
-        (prediction, "constant_velocity", "baselines"),
-        (prediction, "constant_radius", "baselines"),
-        (chain, "true_motion", "baselines"),
+        (prediction, "predict", "predict"),
+        (chain, "time_to_lane_crossing", "warn"),
+        (Judge, "reference", "baselines"),
         *((step_columns, name, "tables") for name in vars(step_columns) if name.startswith("of_")),
-        (chain, "margins", "tables"),
-        (chain, "curvature_ahead", "tables"),
         (Scorer, "add", "tables"),
         (Scorer, "settle", "tables"),
         (Ego, "step", "ego"),
@@ -132,34 +131,8 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
 
 def watch(clock: Stopwatch) -> None:
     """Put the stopwatch around the stages of the assistance."""
-    from plugin import chain
-    from plugin.motion import observer, prediction
-
     for owner, attribute, name in functions():
         clock.time(owner, attribute, name)
-    # The prediction from the estimate is part of the chain; the one from the true state is for the tables.
-    seen: list[Any] = [None, None]
-    observe, predict = observer.step, prediction.predict
-
-    def observed(*arguments: Any) -> Any:
-        result = observe(*arguments)
-        seen[0] = result[1]
-        return result
-
-    def predicted(motion: Any, *arguments: Any) -> Any:
-        own = motion is seen[0]
-        with clock.stage("predict" if own else "baselines"):
-            path = predict(motion, *arguments)
-        if own:
-            seen[1] = path
-        return path
-
-    observer.step, prediction.predict = observed, predicted  # type: ignore[assignment]
-    clock.time(
-        chain,
-        "time_to_lane_crossing",
-        lambda motion, path, *_: "warn" if path is seen[1] else "baselines",
-    )
 
 
 def stages_of_fleet(fleet: int, steps: int, mode: str = "refined") -> dict[str, Any]:

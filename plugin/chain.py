@@ -12,7 +12,7 @@ from camera_synth.pose import Pose
 from ego_synth.sensors import SensorState
 from plugin import step_columns
 from plugin.configuration import Configuration
-from plugin.ground_truth import curvature_ahead, margins, true_motion
+from plugin.ground_truth import Judge
 from plugin.motion import observer, prediction
 from plugin.motion.estimate import Trajectory
 from plugin.own_motion import OwnSensors
@@ -75,12 +75,13 @@ class Chain:
     def __init__(self, configuration: Configuration, seed: int, roads: RoadNetwork, beside: bool) -> None:
         """`beside`: the published search runs on every frame, too, for comparison."""
         self._vehicle = configuration.vehicle
-        self._preview_m = configuration.camera.preview_m
+        preview_m = configuration.camera.preview_m
         self._roads = roads
         self._own = OwnSensors(configuration, seed)
         self.vision = Vision(configuration, seed, beside)
-        self._observing = observer.schedule(self._vehicle, self._preview_m, configuration.observing)
+        self._observing = observer.schedule(self._vehicle, preview_m, configuration.observing)
         self._predicting = prediction.predictor(self._vehicle, configuration.predicting)
+        self._judge = Judge(self._vehicle, preview_m, self._predicting)
         self._warning = departure.numbers(configuration.departure)
         self._ranging = Ranging(configuration, seed, roads)
 
@@ -122,21 +123,10 @@ class Chain:
         turning = self._own.turning(own, before.observer)
         vision, sight = self.vision.step(before.vision, scene, speed, turning)
         observing, motion = observer.step(before.observer, self._observing, sight.lane, speed, own.observed)
-        actual = true_motion(truth, ahead, self._preview_m)
-        paths = {
-            "predicted": prediction.predict(motion, speed, self._predicting),
-            "constant_velocity": prediction.constant_velocity(motion, speed, self._predicting),
-            "constant_radius": prediction.constant_radius(motion, speed, self._predicting),
-            "true_state": prediction.predict(actual, truth.speed_mps, self._predicting),
-        }
-        crossings = {
-            name: time_to_lane_crossing(
-                actual if name == "true_state" else motion, path, self._vehicle, half_span_m
-            )
-            for name, path in paths.items()
-        }
+        path = prediction.predict(motion, speed, self._predicting)
+        crossing = time_to_lane_crossing(motion, path, self._vehicle, half_span_m)
         warning_state, warning = departure.step(
-            before.departure, crossings["predicted"], motion, speed, truth.signal, self._warning
+            before.departure, crossing, motion, speed, truth.signal, self._warning
         )
         readings = self._own.for_radar(own, observing, motion)
         ranging, tracked, echo = self._ranging.step(
@@ -145,11 +135,10 @@ class Chain:
         unseen_s = tracked.tracker.tracks.unseen_s
         bodies = bodies_ahead(echo.tracks, unseen_s, speed, readings.yaw_rate_rps)
         vision = self.vision.told(vision, bodies, echo.watched)
-        left, right = margins(truth, self._vehicle.front_axle_m, half_span_m)
-        columns = step_columns.of_truth(truth, snapshot) | {"margin_left_m": left, "margin_right_m": right}
-        columns["true_curvature_1pm"] = curvature_ahead(ahead, self._preview_m)
-        columns |= step_columns.of_sight(sight) | step_columns.of_motion(motion)
-        columns |= step_columns.of_warning(crossings, warning) | step_columns.of_paths(paths)
+        reference = self._judge.reference(truth, ahead.curvature_1pm, motion, speed, path, half_span_m)
+        columns = step_columns.of_truth(truth, snapshot) | step_columns.of_sight(sight)
+        columns |= step_columns.of_motion(motion) | step_columns.of_warning(crossing, warning)
+        columns |= step_columns.of_reference(reference)
         vehicles = VehicleState(truth.handle, sensors, vision, observing, warning_state, ranging)
-        moment = Moment(truth.handle, before.vision, scene, sight, vision, paths["predicted"])
+        moment = Moment(truth.handle, before.vision, scene, sight, vision, path)
         return ChainState(vehicles, tracked), Outcome(truth, warning, echo, columns, moment)

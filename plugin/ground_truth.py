@@ -1,61 +1,75 @@
-"""What the truth would read like if the vehicle's own chain had found it: the scorer's reference."""
+"""What the estimates of a step are compared with: the truth as the own chain would have it, and baselines."""
 
-import functools
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from plugin.motion.estimate import MotionEstimate
+from plugin.ground_truth_kernels import compare
+from plugin.motion.estimate import MotionEstimate, Trajectory
+from plugin.motion.prediction_kernels import Predictor
+from plugin.truth import HORIZONS_S, PREDICTORS, STEP_S
 from sumo_net.ego import EgoTruth
-from sumo_net.road import AHEAD_M, RoadAhead
+from sumo_net.road import AHEAD_M
+from sumo_net.vehicle import Vehicle
 
 Array = np.ndarray[Any, Any]
 
 
-def curvature_ahead(ahead: RoadAhead, distance_m: float) -> Array:
-    """(n,) curvature of the path so far ahead of the centre of gravity; NaN where the path ends before."""
-    j, part = _between(distance_m)
-    before, after = ahead.curvature_1pm[:, j - 1], ahead.curvature_1pm[:, j]
-    return np.asarray(before + part * (after - before))
+class Reference(NamedTuple):
+    """What the estimates of n vehicles are compared with."""
+
+    points: Array  # (4, n, 4, 3) forward, left, heading at HORIZONS_S of the paths PREDICTORS
+    tlc_s: Array  # (3, n) by the paths but the vehicle's own
+    curvature_1pm: Array  # (n,) of the path at the preview point; NaN where it ends before
+    drift_mps: Array  # (n,) lateral speed in the lane, left positive
+    margin_left_m: Array  # (n,) from the front wheel's outer edge to the border, positive inside;
+    margin_right_m: Array  # NaN where no marking is painted
 
 
-@functools.cache
-def _between(distance_m: float) -> tuple[int, float]:
-    """Which of AHEAD_M comes next, and how much of the way to it from the one before."""
-    j = min(max(int(np.searchsorted(AHEAD_M, distance_m)), 1), len(AHEAD_M) - 1)
-    return j, float((distance_m - AHEAD_M[j - 1]) / (AHEAD_M[j] - AHEAD_M[j - 1]))
+class Judge:
+    """Makes the reference of each step."""
 
+    def __init__(self, vehicle: Vehicle, preview_m: float, predictor: Predictor) -> None:
+        """preview_m: the camera's D_L, to which the true change of curvature is meant."""
+        self._front_axle_m, self._preview_m, self._predictor = vehicle.front_axle_m, preview_m, predictor
+        later = min(max(int(np.searchsorted(AHEAD_M, preview_m)), 1), len(AHEAD_M) - 1)
+        before, after = AHEAD_M[later - 1], AHEAD_M[later]
+        self._at = later, float((preview_m - before) / (after - before))
+        points = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64) - 1
+        self._horizon = np.minimum(points, predictor.steps - 1)
 
-def true_motion(truth: EgoTruth, ahead: RoadAhead, preview_m: float) -> MotionEstimate:
-    """The state that an errorless observer would hand on, (n,) each.
+    def reference(
+        self,
+        truth: EgoTruth,
+        curvature_1pm: Array,
+        motion: MotionEstimate,
+        speed_mps: Array,
+        path: Trajectory,
+        half_span_m: Array,
+    ) -> Reference:
+        """For n vehicles whose observer says `motion`, and who predict `path`.
 
-    Its change of curvature is the mean one up to the preview point, 0 where the road ends before.
-    """
-    rate = (curvature_ahead(ahead, preview_m) - truth.curvature_1pm) / preview_m
-    return MotionEstimate(
-        lateral_speed_mps=truth.lateral_speed_mps,
-        yaw_rate_rps=truth.yaw_rate_rps,
-        steer_rad=truth.steer_rad,
-        quick_steer_rad=np.full(len(truth.handle), np.nan),
-        lateral_offset_m=truth.lane_offset_m,
-        heading_error_rad=truth.lane_heading_rad,
-        curvature_1pm=truth.curvature_1pm,
-        curvature_rate_1pm2=np.where(np.isnan(rate), 0.0, rate),
-        lane_width_m=truth.lane_width_m,
-        settled_s=np.full(len(truth.handle), np.inf),
-        lane_shift=np.zeros(len(truth.handle), np.int8),
-    )
-
-
-def margins(truth: EgoTruth, front_axle_m: float, half_span_m: Array) -> tuple[Array, Array]:
-    """From the front wheels' outer edges to the left and right border, (n,) each in m, positive inside.
-
-    NaN towards a border that is not painted.
-    """
-    axle = truth.lane_offset_m + front_axle_m * np.sin(truth.lane_heading_rad)
-    reach = half_span_m * np.cos(truth.lane_heading_rad)
-    left = 0.5 * truth.lane_width_m - axle - reach
-    right = 0.5 * truth.lane_width_m + axle - reach
-    return np.where(truth.border_kind_left > 0, left, np.nan), np.where(
-        truth.border_kind_right > 0, right, np.nan
-    )
+        curvature_1pm (n, J) : of the road at AHEAD_M; speed_mps (n,) : as the vehicles read it.
+        """
+        n = len(speed_mps)
+        tlc = np.empty((len(PREDICTORS) - 1, n))
+        out = Reference(
+            np.empty((len(PREDICTORS), n, len(HORIZONS_S), 3)),
+            tlc,
+            *np.empty((len(Reference._fields) - 2, n)),
+        )
+        compare(
+            truth,
+            curvature_1pm,
+            motion,
+            speed_mps,
+            path,
+            half_span_m,
+            self._predictor,
+            self._front_axle_m,
+            self._preview_m,
+            self._at,
+            self._horizon,
+            out,
+        )
+        return out

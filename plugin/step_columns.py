@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from plugin.motion.estimate import MotionEstimate, Trajectory
-from plugin.truth import HORIZONS_S, STEP_S
+from plugin.ground_truth import Reference
+from plugin.motion.estimate import MotionEstimate
+from plugin.truth import PREDICTORS
 from plugin.vision import Sight
 from plugin.warning.departure import DepartureWarning
 from plugin.warning.tlc import Crossing
@@ -15,7 +16,6 @@ from sumo_net.snapshot import Snapshot
 Array = np.ndarray[Any, Any]
 Columns = dict[str, Any]
 
-_HORIZON = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64) - 1  # into a Trajectory's points
 _SIDE_CODES = np.array([-1, 0, 1])  # of no side, the left (+1) and, counted from the end, the right (-1)
 
 
@@ -34,15 +34,12 @@ def of_time(step: int, time_s: float, handle: Array) -> Columns:
 
 def of_truth(truth: EgoTruth, snapshot: Snapshot) -> Columns:
     """Place and motion as they truly are."""
-    drift = truth.speed_mps * np.sin(truth.lane_heading_rad)
-    drift += truth.lateral_speed_mps * np.cos(truth.lane_heading_rad)
     return {
         "lane_id": snapshot.lane[np.searchsorted(snapshot.handle, truth.handle)],
         "speed_mps": truth.speed_mps,
         "x_m": truth.x_m,
         "y_m": truth.y_m,
         "world_heading_rad": truth.heading_rad,
-        "drift_mps": drift,
         "cause": truth.cause.astype(np.int64),
         "signal": truth.signal,
         "true_lateral_offset_m": truth.lane_offset_m,
@@ -86,27 +83,24 @@ def of_motion(motion: MotionEstimate) -> Columns:
     }
 
 
-def of_warning(crossings: dict[str, Crossing], warning: DepartureWarning) -> Columns:
-    """Times to lane crossing, by prediction, baselines and from the true state, and the warning."""
+def of_warning(crossing: Crossing, warning: DepartureWarning) -> Columns:
+    """Time to lane crossing by the vehicle's own prediction, and the warning."""
     return {
-        "tlc_s": crossings["predicted"].tlc_s,
-        "tlc_side": _SIDE_CODES[crossings["predicted"].side],
-        "tlc_constant_velocity_s": crossings["constant_velocity"].tlc_s,
-        "tlc_constant_radius_s": crossings["constant_radius"].tlc_s,
-        "tlc_true_state_s": crossings["true_state"].tlc_s,
+        "tlc_s": crossing.tlc_s,
+        "tlc_side": _SIDE_CODES[crossing.side],
         "ldw_active": warning.side != 0,
         "ldw_state": warning.code,
         "warning_side": warning.side.astype(np.int64),
     }
 
 
-def of_paths(paths: dict[str, Trajectory]) -> Columns:
-    """(n, 4, 3) of each path by name: forward and left in m, heading in rad at HORIZONS_S."""
-    return {name: _points(path) for name, path in paths.items()}
-
-
-def _points(path: Trajectory) -> Array:
-    points = np.empty((len(path.forward_m), len(_HORIZON), 3))
-    for k, part in enumerate((path.forward_m, path.left_m, path.heading_rad)):
-        part.take(_HORIZON, axis=1, out=points[..., k], mode="clip")
-    return points
+def of_reference(reference: Reference) -> Columns:
+    """What the estimates are compared with: paths, times to lane crossing, and the truth in the lane."""
+    columns: Columns = dict(zip(PREDICTORS, reference.points, strict=True))
+    columns |= {f"tlc_{name}_s": one for name, one in zip(PREDICTORS[1:], reference.tlc_s, strict=True)}
+    return columns | {
+        "true_curvature_1pm": reference.curvature_1pm,
+        "drift_mps": reference.drift_mps,
+        "margin_left_m": reference.margin_left_m,
+        "margin_right_m": reference.margin_right_m,
+    }

@@ -8,6 +8,7 @@ import numba
 from analysis import warm_up
 from analysis.simulate import simulate
 from camera_synth import render_kernels
+from plugin import ground_truth_kernels
 from plugin.lane import genetic_kernels, refine_kernels
 from plugin.motion import filter_kernels, prediction_kernels
 from plugin.tracking import association_kernels, imm_kernels, polar_kernels
@@ -20,10 +21,9 @@ KERNELS = {
     "motion": [
         filter_kernels.step,
         prediction_kernels.single_track,
-        prediction_kernels.constant_velocity,
-        prediction_kernels.constant_radius,
         tlc_kernels.crossing,
         departure_kernels.step,
+        ground_truth_kernels.compare,
     ],
     "radar": [
         visibility_kernels.gather,
