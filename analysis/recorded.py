@@ -152,7 +152,9 @@ class _Refined:
                 lane = self._step(frame, np.zeros(1))
         reach = max(float(self._state.reach_m[0]), 10.0)
         columns = refine.border_columns(self._state, self._rows, self._projection, reach)[0]
-        return Found(lane, refine.parabolas(self._state, self._projection), self._rows, columns)
+        fitted = refine.border_columns(self._state, refine.PARABOLA_ROWS, self._projection)
+        borders = refine.parabolas(self._state, fitted, refine.PARABOLA_ROWS)
+        return Found(lane, borders, self._rows, columns)
 
     def _step(self, frame: Array, speed_mps: Array) -> LaneEstimate:
         borders = None

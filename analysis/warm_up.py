@@ -94,8 +94,7 @@ def lane() -> None:
 
     p = projection(Camera())
     state, _ = refine.step(new_frames(1), None, None, refine.init(1), p, np.zeros(1), refine.Refine())
-    refine.parabolas(state, p)
-    refine.border_columns(state, JUDGED_Y, p)
+    refine.parabolas(state, refine.border_columns(state, JUDGED_Y, p), JUDGED_Y)
 
 
 def picture() -> None:

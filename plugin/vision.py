@@ -199,8 +199,8 @@ class Vision:
                 state.hidden,
                 yaw_rate_rps,
             )
-            borders = refine.parabolas(lane_state, self._projection)
             columns = refine.border_columns(lane_state, JUDGED_Y, self._projection)
+            borders = refine.parabolas(lane_state, columns, JUDGED_Y)
         beside, beside_verdict = state.beside, np.full(len(speed_mps), -1, np.int8)
         if self._beside:
             beside, found = genetic.search(frames, beside, self._numbers)

@@ -305,18 +305,18 @@ def border_columns(state: LaneState, rows: Array, projection: Projection, furthe
     return out
 
 
-_PARABOLA_ROWS = np.arange(1.0, 150.0, 3.0)
+PARABOLA_ROWS = np.arange(1.0, 150.0, 3.0)  # enough for a fit
 
 
-def parabolas(state: LaneState, projection: Projection) -> Borders:
+def parabolas(state: LaneState, columns: Array, rows: Array) -> Borders:
     """Both borders as x = a·y² + b·y + c, fitted where they are in the image; score: share of rows seen.
 
-    NaN for vehicles without a lock, or where less than five rows are in the image.
+    columns : `border_columns` at rows. NaN for vehicles without a lock, or where less than five rows are in
+    the image.
     """
     n = len(state.status)
     left, right = np.empty((n, 3)), np.empty((n, 3))
-    columns = border_columns(state, _PARABOLA_ROWS, projection)
-    parabola_kernel(columns, _PARABOLA_ROWS, float(WIDTH_PX), left, right)
+    parabola_kernel(columns, rows, float(WIDTH_PX), left, right)
     return Borders(left, right, state.found.copy())
 
 

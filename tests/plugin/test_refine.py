@@ -259,7 +259,8 @@ def test_parabolas_lie_on_the_borders():
         state, _ = step(drive.frames, None, None, state, P, np.zeros(1), Refine())
     rows = np.arange(50.0, 140.0, 10.0)
     wanted = refine.border_columns(state, rows, P)[0]
-    borders = refine.parabolas(state, P)
+    whole = refine.PARABOLA_ROWS
+    borders = refine.parabolas(state, refine.border_columns(state, whole, P), whole)
     for side, (a, b, c) in enumerate((borders.left[0], borders.right[0])):
         np.testing.assert_allclose((a * rows + b) * rows + c, wanted[side], atol=1.0)
 
