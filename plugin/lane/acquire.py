@@ -128,7 +128,13 @@ def ridge_points(frame, rows, p, t, noise, work, ridge, point):  # type: ignore[
 
 
 @kernel
-def vote(point, found, about, t, bins, smooth, starts, score):  # type: ignore[no-untyped-def]
+def together(left, right):  # type: ignore[no-untyped-def]
+    """The votes of two borders: both count, the weaker one decides."""
+    return min(left, 4.0 * right) + min(right, 4.0 * left)
+
+
+@kernel
+def vote(point, found, about, t, bin_of, bins, smooth, starts, score):  # type: ignore[no-untyped-def]
     """Put the best-voted arcs, each of another curvature, into starts (STARTS, STATES), best first.
 
     Headings are tried around `about`. Arcs are laid out by their direction at MIDDLE_M, about which heading
@@ -159,21 +165,22 @@ def vote(point, found, about, t, bins, smooth, starts, score):  # type: ignore[n
             first, last = max(middle - wide - 1, 0), min(middle + wide + 2, count)
             for b in range(first, last):
                 bins[b] = 0.0
-            for m in range(found):
+            for m in range(found):  # in whole vectors
                 away = point[m, 0] - MIDDLE_M
                 left = point[m, 1] - away * (direction + 0.5 * curvature * away)
-                b = math.floor(left / BIN_M + 0.5) + HALF_BINS
+                bin_of[m] = np.int32(math.floor(left / BIN_M + 0.5))
+            for m in range(found):
+                b = bin_of[m] + HALF_BINS
                 if first <= b < last:
                     bins[b] += 1.0
-            for b in range(first, last):
-                s = bins[b]
-                if b > first:
-                    s += 0.5 * bins[b - 1]
-                if b + 1 < last:
-                    s += 0.5 * bins[b + 1]
-                smooth[b] = s
+            smooth[first], smooth[last - 1] = 0.0, 0.0
+            for b in range(first + 1, last - 1):
+                smooth[b] = bins[b] + 0.5 * bins[b - 1] + 0.5 * bins[b + 1]
+            most = 0.0  # of a right border
+            for c in range(max(0, middle - wide), min(middle + 1, count)):
+                most = max(most, smooth[c])
             for b in range(max(middle, 0), min(middle + wide, count)):
-                if smooth[b] < 3.0:
+                if smooth[b] < 3.0 or together(smooth[b], most) <= best:
                     continue
                 nearest = min(b - narrow, middle)
                 if b - nearest > usual and 5.0 * smooth[b] * odds[b - nearest] <= best:
@@ -188,8 +195,7 @@ def vote(point, found, about, t, bins, smooth, starts, score):  # type: ignore[n
                         break  # wider ones cannot win
                     if smooth[c] < 3.0:
                         continue
-                    # both borders count: the weaker one decides
-                    votes = min(smooth[b], 4.0 * smooth[c]) + min(smooth[c], 4.0 * smooth[b])
+                    votes = together(smooth[b], smooth[c])
                     if odds[b - c] < t.usual_width:
                         votes -= t.line_within * within
                     votes *= odds[b - c]

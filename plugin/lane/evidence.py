@@ -60,12 +60,35 @@ def side_seen(found, expected, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _both(left, right):  # type: ignore[no-untyped-def]
+    """Rows with either border as one number; both count, the weaker one decides."""
+    return min(left, 3 * right) + min(right, 3 * left)
+
+
+@kernel
 def support_of(x, t, work):  # type: ignore[no-untyped-def]
-    """Rows that speak for the lane x; both borders count, the weaker one decides; less at odd widths."""
+    """Rows that speak for the lane x; less at odd widths."""
     left, _ = tally(work, LEFT)
     right, _ = tally(work, RIGHT)
-    rows = min(left, 3 * right) + min(right, 3 * left)
-    return int(rows * min(1.0, width_odds(x[WIDTH], t) / t.usual_width))
+    return int(_both(left, right) * min(1.0, width_odds(x[WIDTH], t) / t.usual_width))
+
+
+@kernel
+def most_support(work):  # type: ignore[no-untyped-def]
+    """What support_of can be at most after a fit to the ridges gathered."""
+    return _both(_rows_of_paint(LEFT, work), _rows_of_paint(RIGHT, work))
+
+
+@kernel
+def _rows_of_paint(side, work):  # type: ignore[no-untyped-def]
+    """Rows where a fit may find a border: those whose ridges together are likelier paint than not."""
+    count = 0
+    for r in range(work.expected.shape[1]):
+        odds = 0.0
+        for c in range(work.ridges[side, r]):
+            odds += odds_of_paint(work.ridge[side, r, c, 1])
+        count += work.expected[side, r] and odds > 1.0
+    return count
 
 
 @kernel

@@ -16,7 +16,7 @@ from plugin.lane.acquire import (
     ridge_points,
     vote,
 )
-from plugin.lane.evidence import of_usual_width, pixel_noise, plausible, side_seen, support_of
+from plugin.lane.evidence import most_support, of_usual_width, pixel_noise, plausible, side_seen, support_of
 from plugin.lane.own_turn import expect, trust
 from plugin.lane.refine_fit import (
     cholesky,
@@ -40,6 +40,7 @@ class Room(NamedTuple):
 
     point: Array
     ridge: Array
+    bin_of: Array
     bins: Array
     smooth: Array
     starts: Array
@@ -60,6 +61,7 @@ def room_for(rows: int) -> Room:
     return Room(
         np.zeros((rows * SEGMENTS * PER_SEGMENT, 2)),
         np.zeros((PER_SEGMENT, 2)),
+        np.zeros(rows * SEGMENTS * PER_SEGMENT, np.int32),
         np.zeros(2 * HALF_BINS + 1),
         np.zeros(2 * HALF_BINS + 1),
         np.zeros((STARTS, STATES)),
@@ -97,19 +99,21 @@ def lean_to_lane(predicted, about, speed, yaw_rate, t, work, scratch):  # type: 
 
 
 @kernel
-def start(frame, left, right, given, about, rows, p, speed, yaw_rate, t, work, room, x, P):  # type: ignore[no-untyped-def]
+def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, t, work, room, x, P):  # type: ignore[no-untyped-def]
     """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane.
+
+    least: the rows that a lane must have more of to be of interest; others are taken for none.
 
     left, right: the search's a, b, c of this vehicle where `given`. about: the heading to be expected, rad.
     yaw_rate: the vehicle's own, NaN for none; the more a lane turns against it, the fewer its rows count.
     """
-    best = 0
+    best = least
     trial, predicted = room.trial, room.predicted
     lane_start(t, trial)
     place_borders(trial, 0.0, rows, p, t, work)
     noise = pixel_noise(frame, rows, work)
     found = ridge_points(frame, rows, p, t, noise, work, room.ridge, room.point)
-    vote(room.point, found, about, t, room.bins, room.smooth, room.starts, room.score)
+    vote(room.point, found, about, t, room.bin_of, room.bins, room.smooth, room.starts, room.score)
     for attempt in range(STARTS + 1):
         if attempt == STARTS:
             if not given:
@@ -147,6 +151,8 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, t, work, r
             continue
         predict_spread(trial, room.covariance, 0.0, rows, p, t, work)
         gather(frame, rows, t, noise, work)
+        if most_support(work) <= best:
+            continue
         if not fit(trial, 0.0, predicted, rows, p, t, 1.0, np.int64(5), work):
             continue
         found_left, expected_left = tally(work, LEFT)
@@ -164,9 +170,10 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, t, work, r
             copy_matrix(room.covariance, room.kept)
             copy_matrix(work.found, room.found)
             copy_matrix(work.expected, room.expected)
-    if best > 0:
-        copy_vector(room.chosen, x)
-        copy_matrix(room.kept, P)
-        copy_matrix(room.found, work.found)
-        copy_matrix(room.expected, work.expected)
+    if best == least:
+        return 0
+    copy_vector(room.chosen, x)
+    copy_matrix(room.kept, P)
+    copy_matrix(room.found, work.found)
+    copy_matrix(room.expected, work.expected)
     return best

@@ -79,6 +79,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                 p,
                 speed[i],
                 yaw_rate[i],
+                np.int64(0),
                 t,
                 work,
                 room,
@@ -174,6 +175,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
             support = support_of(x, t, work) if seen_left or seen_right else 0
             if odd or not proven:
                 support = int(support * trust(x, phase, speed[i], yaw_rate[i], t.usual_turn))
+            least = int(1.3 * support + 4)  # a lane found anew must have more than that
             fresh = start(
                 frames[i],
                 left[i],
@@ -184,6 +186,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                 p,
                 speed[i],
                 yaw_rate[i],
+                least,
                 t,
                 work,
                 room,
@@ -192,7 +195,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
             )
             aside = abs(abs(room.x[OFFSET] - x[OFFSET]) - x[WIDTH])
             beside = misses == 0 and aside < NEXT_LANE_M  # the same lines, taken for those of the next lane
-            better = fresh > 1.3 * support + 4 and not beside
+            better = fresh > least and not beside
             if better and proven and contradicts(room.x, x, P, t):
                 odder = not odd_width and not of_usual_width(room.x, t)
                 better = prove(rival, room.x, x, t.odd_looks if odder else t.rival_looks, t)

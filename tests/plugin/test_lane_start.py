@@ -1,0 +1,45 @@
+"""The lane found from nothing in one frame."""
+
+import numpy as np
+import pytest
+from drawn_road import draw
+
+from camera_synth.camera import Camera, projection
+from plugin.lane import refine
+from plugin.lane.evidence import most_support, support_of
+from plugin.lane.hidden import nothing_hidden
+from plugin.lane.lane_start import room_for, start
+from plugin.lane.refine_fit import workspace
+from plugin.lane.road_model import HEADING, OFFSET, STATES, rows_to_read
+
+CAMERA = Camera()
+ROWS = rows_to_read(CAMERA.horizon_y_px)
+NONE = np.zeros(3)
+
+
+def found(frame, least):
+    """Support, x, P, and the workspace and tuning of the look."""
+    work, x, P = workspace(len(ROWS)), np.zeros(STATES), np.zeros((STATES, STATES))
+    work.hidden[:] = nothing_hidden(1)[0]
+    tuning = refine.tuning(refine.Refine(), CAMERA.preview_m)
+    p, room = projection(CAMERA), room_for(len(ROWS))
+    support = start(
+        frame, NONE, NONE, np.bool_(False), 0.0, ROWS, p, 25.0, np.nan, least, tuning, work, room, x, P
+    )
+    return support, x, P, work, tuning
+
+
+@pytest.mark.parametrize("dash_m", [None, 6.0])
+def test_what_must_be_exceeded_changes_no_lane_that_does(dash_m):
+    frame = draw((2.1, -1.5), slope=0.01, curvature=0.001, dash_m=dash_m)
+    support, x, P, work, tuning = found(frame, 0)
+    assert abs(x[OFFSET] + 0.3) < 0.05
+    assert abs(x[HEADING] + 0.01) < 0.006
+    assert support == support_of(x, tuning, work) <= most_support(work)
+    for least in (1, support // 2, support - 1):
+        again, x_again, P_again, *_ = found(frame, least)
+        assert again == support
+        np.testing.assert_array_equal(x_again, x)
+        np.testing.assert_array_equal(P_again, P)
+    assert found(frame, support)[0] == 0
+    assert found(frame, 2 * len(ROWS))[0] == 0
