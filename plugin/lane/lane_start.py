@@ -28,6 +28,7 @@ from plugin.lane.refine_fit import (
     solve,
     tally,
 )
+from plugin.lane.rival import close
 from plugin.lane.road_model import HEADING, LEFT, LINES, OFFSET, RIGHT, STATES, WIDTH
 from sumo_net.compile import kernel
 from sumo_net.copy_kernels import copy_matrix, copy_vector
@@ -51,6 +52,7 @@ class Room(NamedTuple):
     x: Array
     P: Array
     covariance: Array
+    nowhere: Array  # (STATES,) NaN
     kept: Array
     found: Array
     expected: Array
@@ -72,6 +74,7 @@ def room_for(rows: int) -> Room:
         np.zeros(STATES),
         np.zeros((STATES, STATES)),
         np.zeros((STATES, STATES)),
+        np.full(STATES, np.nan),
         np.zeros((STATES, STATES)),
         np.zeros((LINES, rows), np.bool_),
         np.zeros((LINES, rows), np.bool_),
@@ -99,10 +102,11 @@ def lean_to_lane(predicted, about, speed, yaw_rate, t, work, scratch):  # type: 
 
 
 @kernel
-def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, t, work, room, x, P):  # type: ignore[no-untyped-def]
+def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, followed, t, work, room, x, P):  # type: ignore[no-untyped-def]
     """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane.
 
     least: the rows that a lane must have more of to be of interest; others are taken for none.
+    followed (STATES,): a lane that is sure, or NaN; where the best vote leads to it, no other is sought.
 
     left, right: the search's a, b, c of this vehicle where `given`. about: the heading to be expected, rad.
     yaw_rate: the vehicle's own, NaN for none; the more a lane turns against it, the fewer its rows count.
@@ -146,6 +150,8 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, t, 
         gather(frame, rows, t, noise, work)
         if not fit(trial, 0.0, predicted, rows, p, t, 1.0, np.int64(6), work):
             continue
+        if attempt == 0 and close(trial, followed, t):
+            room.score[1:] = 0.0
         # again around the first result, with what it left open
         if not invert(work.information, work.factor, room.covariance):
             continue

@@ -35,6 +35,16 @@ def contradicts(fresh, x, P, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def close(fresh, x, t):  # type: ignore[no-untyped-def]
+    """Whether the pose `fresh` is that of x but for what looks differ by; False where x is NaN."""
+    return bool(
+        abs(fresh[OFFSET] - x[OFFSET]) < t.rival_m
+        and abs(fresh[HEADING] - x[HEADING]) < t.rival_rad
+        and abs(fresh[WIDTH] - x[WIDTH]) < t.rival_width_m
+    )
+
+
+@kernel
 def carry(rival, advance):  # type: ignore[no-untyped-def]
     """Move a rival on by a step: both lanes are left behind by the same motion, along their own headings."""
     if rival[LOOKS] > 0.0:
