@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 
 class Reader(NamedTuple):
-    """What is asked of vehicles by their names, a list of them each."""
+    """What is asked of vehicles by their names."""
 
     places: Callable[[list[str]], list[list[Any]]]  # position (x, y), angle, speed, lane, position along it
-    accelerations: Callable[[list[str]], list[float]]
+    acceleration: Callable[[str], float]  # SUMO's invalid value, or its exception, where there is none
 
 
 _ASKED = ("Position", "Angle", "Speed", "LaneID", "LanePosition")
@@ -32,7 +32,7 @@ def by_getters(vehicle: Any, compiled: Any = None) -> Reader:
     def places(names: list[str]) -> list[list[Any]]:
         return [list(map(get, names)) for get in getters]
 
-    return Reader(places, lambda names: list(map(acceleration, names)))
+    return Reader(places, acceleration)
 
 
 def by_subscription(vehicle: Any, tc: Any) -> Reader:
@@ -60,7 +60,8 @@ def by_subscription(vehicle: Any, tc: Any) -> Reader:
             rows.append(row if complete else values(name))
         return [[row[variable] for row in rows] for variable in variables[:-1]]
 
-    def accelerations(names: list[str]) -> list[float]:
-        return [vehicle.getSubscriptionResults(name)[tc.VAR_ACCELERATION] for name in names]  # no message
+    def acceleration(name: str) -> float:
+        row = vehicle.getSubscriptionResults(name)  # no message
+        return float(row.get(tc.VAR_ACCELERATION, tc.INVALID_DOUBLE_VALUE))
 
-    return Reader(places, accelerations)
+    return Reader(places, acceleration)

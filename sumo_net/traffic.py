@@ -227,10 +227,15 @@ class Traffic:
         return Snapshot(*(part[somewhere] for part in made))
 
     def accelerations_mps2(self, handles: Array) -> Array:
-        """(n,) of vehicles of the last snapshot; 0 of those that SUMO does not move."""
-        names = [self._names[handle] for handle in handles.tolist()]
-        found = np.array(self._reader.accelerations(names), dtype=np.float64)
+        """(n,) of vehicles of the last snapshot; 0 of those that SUMO does not move, or no more."""
+        found = np.array([self._acceleration(handle) for handle in handles.tolist()], dtype=np.float64)
         return np.where(found > _INVALID, found, 0.0)
+
+    def _acceleration(self, handle: int) -> float:
+        try:
+            return self._reader.acceleration(self._names[handle])
+        except self._refused:  # it has vanished since the snapshot
+            return 0.0
 
     def vehicle_id(self, handle: int) -> str:
         """SUMO's name of a vehicle, until REMEMBERED_S after it has left. Raises KeyError later."""
