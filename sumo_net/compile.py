@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-from sumo_net.kernel_sources import parts
+from sumo_net.kernel_sources import parts, stamp
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -77,6 +77,9 @@ class _Cache(FunctionCache):
 
     def __init__(self, function: Any) -> None:
         super().__init__(function)
+        # both now: the file may be edited before anything is compiled
+        self._stamp = self._impl.locator.get_source_stamp()
+        stamp(function.__code__.co_filename)
         del self._cache_file  # it would be made before all that the function calls is defined
 
     @functools.cached_property
@@ -84,7 +87,7 @@ class _Cache(FunctionCache):
         return IndexDataCacheFile(
             self._cache_path,
             self._impl.filename_base,
-            (self._impl.locator.get_source_stamp(), parts(self._py_func)),
+            (self._stamp, parts(self._py_func)),
         )
 
     def begun(self) -> bool:

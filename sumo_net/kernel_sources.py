@@ -33,7 +33,7 @@ def parts(function: FunctionType) -> tuple[Part, ...]:
 @functools.cache
 def _direct(function: FunctionType) -> tuple[tuple[FunctionType, ...], frozenset[Part]]:
     called: list[FunctionType] = []
-    named: set[Part] = {(function.__module__, *_stamp(function.__code__.co_filename))}
+    named: set[Part] = {(function.__module__, *stamp(function.__code__.co_filename))}
     for name in _names(function.__code__):
         value = function.__globals__.get(name)
         inner = getattr(value, "py_func", None)
@@ -52,7 +52,8 @@ def _names(code: CodeType) -> set[str]:
 
 
 @functools.cache
-def _stamp(file: str) -> tuple[float, int]:
+def stamp(file: str) -> tuple[float, int]:
+    """(mtime, bytes) of a file as this process saw it first."""
     try:
         status = os.stat(file)
     except OSError:  # from an archive, or typed in

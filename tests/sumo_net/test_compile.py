@@ -79,6 +79,24 @@ def test_a_cache_on_a_full_disk_is_done_without(monkeypatch: pytest.MonkeyPatch)
     assert triple(2.0) == 6.0
 
 
+def use_after_edit(folder: Path) -> float:
+    """In a process of its own: what `outer` gives, imported before its file and `inner`'s changed."""
+    sys.path.insert(0, str(folder))
+    import outer  # type: ignore[import-not-found]
+
+    for name, text in (("inner", INNER.replace("2.0 * x", "30.0 * x")), ("outer", OUTER + "# edited")):
+        (folder / f"{name}.py").write_text(text)
+    return float(outer.outer(3.0))
+
+
+def test_a_process_does_not_keep_what_it_compiled_of_files_edited_since(tmp_path: Path) -> None:
+    for name, text in {"inner": INNER, "middle": MIDDLE, "outer": OUTER}.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    with ForkServer(("sumo_net.compile",)) as server:
+        assert server.result(use_after_edit, tmp_path) == 701.0
+        assert server.result(call_outer, tmp_path) == (9101.0, 0, 0)
+
+
 CALLING = """from sumo_net.compile import inlined, kernel
 
 @kernel
