@@ -7,7 +7,7 @@ The cache is beside the code, or, where that cannot be written, in the user's ow
 reason to fail: what is broken in it is compiled anew, and so is what calls a kernel that has changed.
 
 A kernel that another one calls is compiled into it, so there it is compiled without a way in from Python and
-is not kept on disk by itself, which a fifth of the lane tracker's time to compile went into.
+is not kept on disk by itself (`inner_compiler`).
 """
 
 import contextlib
@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
+from sumo_net.inner_compiler import InnerCompiler
 from sumo_net.kernel_sources import parts, stamp
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -55,7 +56,9 @@ def _compiled(function: _F, options: dict[str, Any]) -> _F:
             RuntimeWarning,
             stacklevel=3,
         )
-    inner = functools.cache(lambda: njit(**_OPTIONS, **options, no_cpython_wrapper=True)(function))
+    inner = functools.cache(
+        lambda: njit(**_OPTIONS, **options, no_cpython_wrapper=True, pipeline_class=InnerCompiler)(function)
+    )
     compiled.get_call_template = lambda args, kws: inner().get_call_template(args, kws)
     compiled.get_overload = lambda sig: inner().get_overload(sig)
     KERNELS.append(compiled)
