@@ -1,23 +1,48 @@
 """The parts that are compiled ahead are those that a run calls: not one more variant of a kernel follows."""
 
 import functools
+import gc
 from types import SimpleNamespace
 
 import numba
 
 from analysis import warm_up
 from analysis.simulate import simulate
-from camera_synth import render_kernels
-from plugin import ground_truth_kernels
+from analysis.warm_up_parts import PARTS
+from camera_synth import render_kernels, truth_kernels
+from plugin import conflict_kernels, ground_truth_kernels
 from plugin.lane import genetic_kernels, refine_kernels
 from plugin.motion import filter_kernels, prediction_kernels
-from plugin.tracking import association_kernels, imm_kernels, polar_kernels
-from plugin.warning import departure_kernels, tlc_kernels
+from plugin.tracking import (
+    association_kernels,
+    closing_kernels,
+    imm_kernels,
+    polar_kernels,
+    rear_kernels,
+)
+from plugin.warning import collision_kernels, departure_kernels, tlc_kernels
 from radar_synth import degrade_kernels, visibility_kernels
+from sumo_net import ego_kernels, ego_road_kernels
 
 KERNELS = {
     "lane": [refine_kernels.step_kernel, refine_kernels.columns_kernel, refine_kernels.parabola_kernel],
-    "picture": [render_kernels.render_fleet, genetic_kernels.search_kernel],
+    "picture": [render_kernels.render_fleet],
+    "tracks": [
+        polar_kernels.predict,
+        imm_kernels.update,
+        imm_kernels.expect,
+        polar_kernels.estimate,
+        association_kernels.gate_pairs,
+    ],
+    "own_drive": [
+        ego_kernels.advance,
+        ego_road_kernels.onto_paths,
+        ego_road_kernels.drive_over,
+        ego_road_kernels.see,
+        conflict_kernels.path_leaders,
+    ],
+    "leaders": [closing_kernels.follow, collision_kernels.warn, rear_kernels.look_fleet],
+    "scans": [visibility_kernels.gather, visibility_kernels.look, degrade_kernels.measure],
     "motion": [
         filter_kernels.step,
         prediction_kernels.single_track,
@@ -25,25 +50,17 @@ KERNELS = {
         departure_kernels.step,
         ground_truth_kernels.compare,
     ],
-    "radar": [
-        visibility_kernels.gather,
-        visibility_kernels.look,
-        degrade_kernels.measure,
-        polar_kernels.predict,
-        imm_kernels.update,
-        imm_kernels.expect,
-        polar_kernels.estimate,
-        association_kernels.gate_pairs,
-    ],
+    "search": [genetic_kernels.search_kernel],
+    "borders": [truth_kernels.locate_borders],
 }
 
 
 def test_a_run_needs_no_other_variant_of_the_kernels_compiled_ahead(tmp_path):
     before = {kernel: set(kernel.signatures) for part in KERNELS.values() for kernel in part}
-    for name, part in warm_up.PARTS.items():
+    for part in PARTS:
         part()
-        for kernel in KERNELS[name]:
-            assert kernel.signatures, f"{name} does not compile {kernel.py_func.__name__}"
+        for kernel in KERNELS[part.__name__]:
+            assert kernel.signatures, f"{part.__name__} does not compile {kernel.py_func.__name__}"
     ahead = {kernel: set(kernel.signatures) for kernel in before}
     simulate("highway", tmp_path, seed=3, duration_s=0.3, fraction=0.1, quiet=True)
     for kernel, signatures in ahead.items():
@@ -62,16 +79,37 @@ def test_a_helper_starts_only_where_something_is_to_be_compiled(monkeypatch):
         meet()
 
 
-def test_what_a_failed_helper_leaves_is_done_without_it(monkeypatch):
-    done = []
+def two_processors(monkeypatch, done):
+    """A machine on which nothing is compiled, and two parts that do no more than say so."""
     monkeypatch.setattr(warm_up, "compiled", lambda: False)
     monkeypatch.setattr(warm_up.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(warm_up, "PARTS", [functools.partial(done.append, part) for part in ("one", "other")])
+
+
+def test_what_a_failed_helper_leaves_is_done_without_it(monkeypatch):
+    done = []
+    two_processors(monkeypatch, done)
     monkeypatch.setattr(warm_up.sys, "executable", "false")
-    for part in ("picture", "motion"):
-        monkeypatch.setattr(warm_up, part, functools.partial(done.append, part))
     with warm_up.compiling() as meet:
         meet()
-    assert done == ["picture", "motion"]
+    assert done == ["one", "other"]
+    assert gc.isenabled()
+
+
+def test_what_the_helper_has_taken_is_not_done_again(monkeypatch):
+    done = []
+    two_processors(monkeypatch, done)
+    popen = warm_up.subprocess.Popen
+
+    def takes_one(_: object, **streams: object) -> object:
+        helper = popen(["head", "-c", "1"], **streams)
+        helper.wait()
+        return helper
+
+    monkeypatch.setattr(warm_up.subprocess, "Popen", takes_one)
+    with warm_up.compiling() as meet:
+        meet()
+    assert done == ["other"]
 
 
 def test_without_a_cache_no_helper_starts(monkeypatch):
@@ -85,8 +123,9 @@ def test_it_tells_how_many_kernels_are_done(monkeypatch):
     monkeypatch.setattr(warm_up, "compiled", lambda: False)
     monkeypatch.setattr(warm_up.os, "cpu_count", lambda: 1)
     monkeypatch.setattr(warm_up, "_TELL_EVERY_S", -1.0)
+    monkeypatch.setattr(warm_up, "kept", lambda: 7)
     with warm_up.compiling(told.append) as meet:
         meet()
         numba.njit(lambda x: x + 1.0)(1.0)
     assert told[0] == 0
-    assert told[-1] > 0
+    assert told[-1] == 7

@@ -1,0 +1,186 @@
+"""What a run compiles, in parts that can be compiled by themselves.
+
+What they call the kernels with has the types of a run, and no meaning.
+"""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+
+def lane() -> None:
+    """Compile the lane tracker."""
+    from camera_synth.camera import Camera, projection
+    from camera_synth.render import new_frames
+    from plugin.lane import refine
+    from plugin.vision import JUDGED_Y
+
+    p = projection(Camera())
+    state, _ = refine.step(new_frames(1), None, None, refine.init(1), p, np.zeros(1), refine.Refine())
+    refine.parabolas(state, refine.border_columns(state, JUDGED_Y, p), JUDGED_Y)
+
+
+def picture() -> None:
+    """Compile the renderer."""
+    from camera_synth.camera import PROCESSED_FROM, Camera, projection
+    from camera_synth.render import new_frames, render
+    from camera_synth.truth import new_border_columns
+    from sumo_net.road import OWN_RIGHT
+
+    road, none, pose, looks = _scene()
+    keys, start = np.zeros(1, np.uint64), np.zeros(1, np.int64)
+    truth = start + OWN_RIGHT, new_border_columns(1)
+    render(new_frames(1), projection(Camera()), road, none, pose, looks, keys, start, PROCESSED_FROM, truth)
+
+
+def borders() -> None:
+    """Compile where a lane's true borders are, by themselves."""
+    from camera_synth.camera import Camera, projection
+    from camera_synth.truth import border_columns
+    from sumo_net.road import OWN_RIGHT
+
+    road, none, pose, looks = _scene()
+    border_columns(projection(Camera()), road, none, np.array([OWN_RIGHT]), looks, pose)
+
+
+def search() -> None:
+    """Compile the published search."""
+    from camera_synth.render import new_frames
+    from plugin.lane import genetic
+
+    numbers = genetic.search_numbers(genetic.GeneticSearch())
+    genetic.search(new_frames(1), genetic.init(np.zeros(1, np.uint64)), numbers)
+
+
+def _scene() -> tuple[Any, ...]:
+    # one camera that sees nothing: road, objects, pose, looks
+    from camera_synth.condition import Condition, looks
+    from camera_synth.pose import Pose
+    from sumo_net.road import AHEAD_M, MAX_BORDERS, RoadAhead
+    from sumo_net.surroundings import MAX_OBJECTS, Objects
+
+    nowhere = np.full((1, len(AHEAD_M)), np.nan)
+    lines = np.full((1, len(AHEAD_M), MAX_BORDERS), np.nan)
+    road = RoadAhead(*(nowhere,) * 5, lines, np.zeros(lines.shape, np.int8), nowhere, nowhere)
+    none = Objects(np.full((1, MAX_OBJECTS), -1), *(np.full((1, MAX_OBJECTS), np.nan),) * 7)
+    return road, none, Pose(*(np.zeros(1),) * 3), looks(Condition(), 1)
+
+
+def motion() -> None:
+    """Compile observer, prediction, lane-departure warning and what judges them, in the default settings."""
+    from camera_synth.camera import Camera
+    from plugin.ground_truth import Judge
+    from plugin.lane.estimate import LaneEstimate
+    from plugin.motion import observer, prediction
+    from plugin.motion.estimate import OwnReadings
+    from plugin.warning import departure
+    from plugin.warning.tlc import time_to_lane_crossing
+    from sumo_net.ego import EgoTruth
+    from sumo_net.road import AHEAD_M
+    from sumo_net.vehicle import Vehicle
+
+    vehicle, still, no = Vehicle(), np.zeros(1), np.zeros(1, np.bool_)
+    schedule = observer.schedule(vehicle, Camera().preview_m, observer.ObserverSettings())
+    lane = LaneEstimate(no, *(still,) * 8, no, no, np.zeros(1, np.int8))
+    _, known = observer.step(observer.init(1, schedule), schedule, lane, still, OwnReadings(still, still))
+    predictor = prediction.predictor(vehicle, prediction.PredictionSettings())
+    path = prediction.predict(known, still, predictor)
+    crossing = time_to_lane_crossing(known, path, vehicle, still)
+    numbers = departure.numbers(departure.DepartureSettings())
+    departure.step(departure.init(1), crossing, known, still, np.zeros(1, np.int8), numbers)
+    kinds = {"handle": np.int64, "path": np.int32, "lanes_left": np.int32, "on_marked_road": np.bool_}
+    kinds |= dict.fromkeys(("border_kind_right", "border_kind_left", "signal", "cause"), np.int8)
+    truth = EgoTruth._make(np.zeros(1, kinds.get(name, np.float64)) for name in EgoTruth._fields)
+    judge = Judge(vehicle, Camera().preview_m, predictor)
+    judge.reference(truth, np.zeros((1, len(AHEAD_M))), known, still, path, still)
+
+
+def scans() -> None:
+    """Compile the radar."""
+    from radar_synth.radar import OwnMotion, Radar
+    from radar_synth.scan import scan
+    from radar_synth.visibility import objects_in_view
+    from sumo_net.surroundings import Objects
+
+    at = _snapshot(1)
+    objects_in_view(Radar(), at, at)
+    one = np.zeros((1, 1))
+    body = Objects(np.zeros((1, 1), np.int64), *(one + value for value in (30.0, 0, 0, 9, 4, 2, 1.5)))
+    still, keys = np.zeros(1), np.zeros(1, np.uint64)
+    scan(Radar(), body, OwnMotion(still, still, still), keys, np.zeros(1, np.int64))
+
+
+def tracks() -> None:
+    """Compile the tracker, as in the default settings."""
+    from plugin.tracking.detections import Detections, at_rest
+    from plugin.tracking.tracker import Tracker, TrackerSettings
+
+    tracker, first, still = Tracker(TrackerSettings()), np.zeros(1, np.int64), np.zeros(1)
+    seen = Detections(first, still + 30.0, still, still, first - 1)
+    state = tracker.init(1)
+    for _ in range(3):
+        state, _ = tracker.step(state, seen, at_rest(1), 0.1)
+
+
+def leaders() -> None:
+    """Compile how the vehicles ahead are followed and warned of, as in the default settings."""
+    from camera_synth.camera import Camera, projection
+    from camera_synth.render import new_frames
+    from plugin.motion.estimate import MotionEstimate
+    from plugin.tracking import rear_view
+    from plugin.tracking.closing import Closing, ClosingFilter
+    from plugin.tracking.detections import Detections, Estimate, at_rest, sensor_motion
+    from plugin.tracking.models import RadarNoise
+    from plugin.tracking.tracker import TrackList
+    from plugin.warning import collision
+
+    p, still, no, nobody = projection(Camera()), np.zeros(1), np.zeros(0), np.zeros(0, np.int64)
+    found = TrackList(
+        nobody, nobody, nobody, nobody != 0, nobody, nobody.astype(np.int8), nobody, Estimate(*(no,) * 10)
+    )
+    seen = rear_view.look(new_frames(1), rear_view.nobody_watched(1), p)
+    warned = collision.init(1)
+    closing = ClosingFilter(Closing(), RadarNoise(), 0.0, p)
+    none = Detections(nobody, no, no, no, nobody)
+    sensor = sensor_motion(at_rest(1), 0.0)
+    _, better = closing.step(closing.init(), found, none, sensor, seen, warned.inside, 0.1)
+    targets, options = collision.targets_from(better, no), collision.Collision()
+    known = MotionEstimate(*(still,) * 10, np.zeros(1, np.int8))
+    collision.step(warned, targets, known, still, still, still, options)
+    rear_view.watch(np.zeros(1, np.int64), (still, still), (still, still), seen, still, p)
+
+
+def own_drive() -> None:
+    """Compile how the equipped vehicles are driven, and what is ahead of them."""
+    from plugin.conflicts import path_leaders
+    from sumo_net.driver import Driver, attentive, numbers, traits
+    from sumo_net.ego import Ego, standing
+    from sumo_net.ego_road_kernels import onto_paths
+    from sumo_net.road_store import RoadStore
+    from sumo_net.surroundings import MAX_OBJECTS, Objects
+    from sumo_net.vehicle import Vehicle, model
+
+    table, no, vehicle = RoadStore().table, np.zeros(0), Vehicle()
+    traffic = SimpleNamespace(lane_ids=[], accelerations_mps2=lambda _: no)
+    fleet = Ego(SimpleNamespace(table=table), traffic, 0)
+    truth = fleet.step(_snapshot(0), no != 0)
+    fleet.front_lateral_m()
+    drawn = traits(Driver(), vehicle, 0, [], no)
+    onto_paths(
+        standing(np.zeros(0, np.int64)), attentive(drawn), drawn, table, np.zeros(0, np.int64),
+        np.zeros(0, np.int32), no, no, vehicle.bumper_m, numbers(Driver(), vehicle), model(vehicle),
+    )  # fmt: skip
+    bodies = Objects(np.zeros((0, MAX_OBJECTS), np.int64), *(np.zeros((0, MAX_OBJECTS)),) * 7)
+    path_leaders(truth, bodies, table, vehicle.bumper_m)
+
+
+def _snapshot(n: int) -> Any:
+    from sumo_net.snapshot import Snapshot
+
+    at = Snapshot(np.zeros(n, np.int64), *(np.zeros(n),) * 9)
+    return at._replace(lane=np.zeros(n, np.int32))
+
+
+# the longest first, so that neither process waits long for the other's last
+PARTS = (lane, picture, motion, own_drive, tracks, leaders, scans, search, borders)
