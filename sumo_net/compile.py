@@ -19,8 +19,15 @@ from typing import Any, TypeVar
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-from sumo_net.inner_compiler import InnerCompiler
 from sumo_net.kernel_sources import parts, stamp
+
+try:
+    from sumo_net.inner_compiler import InnerCompiler, OuterCompiler
+except ImportError:  # of another numba: the same code, a fifth longer to compile
+    _OUTER: dict[str, Any] = {}
+    _INNER: dict[str, Any] = {}
+else:
+    _OUTER, _INNER = {"pipeline_class": OuterCompiler}, {"pipeline_class": InnerCompiler}
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -46,7 +53,7 @@ def inlined(function: _F) -> _F:
 
 def _compiled(function: _F, options: dict[str, Any]) -> _F:
     njit: Any = numba.njit
-    compiled: Any = njit(**_OPTIONS)(function)
+    compiled: Any = njit(**_OPTIONS, **_OUTER)(function)
     try:
         compiled._cache = _Cache(function)  # what njit(cache=True) does with numba's own
     except RuntimeError:  # numba found no folder that it can write
@@ -56,9 +63,7 @@ def _compiled(function: _F, options: dict[str, Any]) -> _F:
             RuntimeWarning,
             stacklevel=3,
         )
-    inner = functools.cache(
-        lambda: njit(**_OPTIONS, **options, no_cpython_wrapper=True, pipeline_class=InnerCompiler)(function)
-    )
+    inner = functools.cache(lambda: njit(**_OPTIONS, **_INNER, **options, no_cpython_wrapper=True)(function))
     compiled.get_call_template = lambda args, kws: inner().get_call_template(args, kws)
     compiled.get_overload = lambda sig: inner().get_overload(sig)
     KERNELS.append(compiled)

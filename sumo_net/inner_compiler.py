@@ -2,12 +2,27 @@
 
 numba would translate it to machine code as well, which nobody runs. It is optimised here all the same: what
 comes into a caller as it was written, with all its counts of references, makes that slow.
+
+What is overridden here numba does not document. Where it lacks any of it, this cannot be imported, and
+`compile` leaves everything to numba's own compiler.
 """
 
 from typing import Any
 
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+import numba
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+from numba.core.compiler import Compiler, CompileResult
+
+_USED: dict[type, tuple[str, ...]] = {
+    JITCodeLibrary: ("_finalize_final_module", "_finalize_dynamic_globals", "_finalized", "codegen"),
+    JITCPUCodegen: ("set_env",),
+    Compiler: ("compile_extra",),
+    CompileResult: ("_find_referenced_environments", "codegen"),
+}
+for _owner, _names in _USED.items():
+    for _name in _names:
+        if not hasattr(_owner, _name):
+            raise ImportError(f"numba {numba.__version__} has no {_owner.__name__}.{_name}")
 
 
 class _InnerLibrary(JITCodeLibrary):
@@ -23,7 +38,7 @@ class _InnerLibrary(JITCodeLibrary):
         return self
 
     def set_env(self, name: str, env: Any) -> None:
-        """Nothing."""
+        """Nothing: `OuterCompiler` does."""
 
 
 class InnerCompiler(Compiler):
@@ -34,3 +49,15 @@ class InnerCompiler(Compiler):
         if self.state.library is None:
             self.state.library = _InnerLibrary(self.state.targetctx.codegen(), func.__qualname__)
         return super().compile_extra(func)
+
+
+class OuterCompiler(Compiler):
+    """numba's compiler, for what is called from Python and may call what InnerCompiler made."""
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile the function."""
+        result = super().compile_extra(func)
+        # as numba does for what it loads: inner kernels' messages and prints take their values from there
+        for env in result._find_referenced_environments():
+            result.codegen.set_env(env.env_name, env)
+        return result

@@ -1,7 +1,9 @@
 """Compiled kernels: a cache that is broken, or that cannot be written, stops nobody."""
 
 import sys
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -128,6 +130,64 @@ def test_a_kernel_within_another_is_not_kept_by_itself(tmp_path: Path) -> None:
     (tmp_path / "calling.py").write_text(CALLING)
     with ForkServer(("sumo_net.compile",)) as server:
         assert server.result(call_within, tmp_path) == (7.5, ["calling.both"], 6.0, 1, 2)
+
+
+SAYING = """from sumo_net.compile import kernel
+
+@kernel
+def small(x):
+    if x > 3.0:
+        raise ValueError("too large", x)
+    return x
+
+@kernel
+def twice(x):
+    return 2.0 * small(x)
+
+@kernel
+def more(x):
+    return twice(x) + 1.0
+"""
+
+
+def call_too_large(folder: Path) -> tuple[float, tuple[object, ...]]:
+    """In a process of its own: what `more` gives, and what it raises two kernels further in."""
+    sys.path.insert(0, str(folder))
+    import saying  # type: ignore[import-not-found]
+
+    given = saying.more(3.0)
+    with pytest.raises(ValueError, match="too large") as raised:
+        saying.more(4.0)
+    return given, raised.value.args
+
+
+def call_with(folder: Path, codegen: dict[str, type]) -> tuple[bool, float, tuple[object, ...]]:
+    """In a process of its own, as if this were numba's code generation: whether ours is used."""
+    module = ModuleType("numba.core.codegen")
+    vars(module).update(codegen)
+    sys.modules["numba.core.codegen"] = module
+    for name in ("sumo_net.compile", "sumo_net.inner_compiler"):
+        del sys.modules[name]  # this file has imported them
+    used = hasattr(import_module("sumo_net.compile"), "InnerCompiler")
+    return used, *call_too_large(folder)
+
+
+def test_what_an_inner_kernel_raises_arrives_with_its_values(tmp_path: Path) -> None:
+    (tmp_path / "saying.py").write_text(SAYING)
+    with ForkServer(("sumo_net.compile",)) as server:
+        for _ in ("compiled", "kept"):
+            assert server.result(call_too_large, tmp_path) == (7.0, ("too large", 4.0))
+
+
+def test_numba_is_as_the_inner_compiler_wants_it() -> None:
+    assert hasattr(compiling, "InnerCompiler")
+
+
+@pytest.mark.parametrize("codegen", [{}, {"JITCodeLibrary": object, "JITCPUCodegen": object}])
+def test_another_numba_compiles_the_same_by_itself(codegen: dict[str, type], tmp_path: Path) -> None:
+    (tmp_path / "saying.py").write_text(SAYING)
+    with ForkServer(("sumo_net.compile",)) as server:
+        assert server.result(call_with, tmp_path, codegen) == (False, 7.0, ("too large", 4.0))
 
 
 INNER = """from typing import NamedTuple
