@@ -6,6 +6,7 @@ at `meet`.
 """
 
 import contextlib
+import functools
 import gc
 import os
 import subprocess
@@ -65,11 +66,11 @@ def _with_helper() -> Iterator[Meet]:
     os.close(filled)  # who reads on when all are taken finds the end
     # -P: whatever is called `analysis` where the user stands is not this one
     command = [sys.executable, "-P", "-m", "analysis.warm_up"]
-    quiet = subprocess.DEVNULL
-    with subprocess.Popen(command, stdin=waiting, stdout=quiet, stderr=quiet) as helper:
+    said, quiet = subprocess.PIPE, subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=waiting, stdout=said, stderr=quiet) as helper:
 
         def meet() -> None:
-            take(waiting)
+            take(waiting, lambda _: None)
             helper.wait()  # should it have failed, what it had taken is compiled where it is needed
 
         try:
@@ -87,11 +88,21 @@ def compiled() -> bool:
     return kernel.stats.cache_path is None or is_kept(kernel)
 
 
-def take(waiting: int) -> None:
-    """Compile one part after the other of those whose numbers, a byte each, wait in a pipe."""
+def take(waiting: int, say: Callable[[bytes], object]) -> None:
+    """Compile one part after the other of those whose numbers, a byte each, wait in a pipe.
+
+    `say` is called with each number before.
+    """
     with _nothing_collected():
         while number := os.read(waiting, 1):
+            say(number)
             PARTS[number[0]]()
+
+
+def help_parent() -> None:
+    """Take from standard input, until all is taken or the parent, which reads what is said, is gone."""
+    with contextlib.suppress(BrokenPipeError):
+        take(sys.stdin.fileno(), functools.partial(os.write, sys.stdout.fileno()))
 
 
 @contextlib.contextmanager
@@ -107,4 +118,4 @@ def _nothing_collected() -> Iterator[None]:
 
 
 if __name__ == "__main__":
-    take(sys.stdin.fileno())
+    help_parent()

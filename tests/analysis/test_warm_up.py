@@ -2,13 +2,16 @@
 
 import functools
 import gc
+import os
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numba
 
 from analysis import warm_up
 from analysis.simulate import simulate
-from analysis.warm_up_parts import PARTS
+from analysis.warm_up_parts import PARTS, borders
 from camera_synth import render_kernels, truth_kernels
 from plugin import conflict_kernels, ground_truth_kernels
 from plugin.lane import genetic_kernels, refine_kernels
@@ -110,6 +113,19 @@ def test_what_the_helper_has_taken_is_not_done_again(monkeypatch):
     with warm_up.compiling() as meet:
         meet()
     assert done == ["other"]
+
+
+def test_a_helper_whose_parent_is_gone_takes_no_more_than_one_part():
+    waiting, filled = os.pipe()
+    os.write(filled, bytes([PARTS.index(borders)] * 3))
+    os.close(filled)
+    read, said = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-P", "-m", "analysis.warm_up"]
+    assert subprocess.run(command, stdin=waiting, stdout=said, timeout=60).returncode == 0
+    assert len(os.read(waiting, 3)) == 2
+    os.close(waiting)
+    os.close(said)
 
 
 def test_without_a_cache_no_helper_starts(monkeypatch):
