@@ -20,7 +20,7 @@ Array = np.ndarray[Any, Any]
 RIGHT_EDGE, LEFT_EDGE, PATH = MAX_BORDERS, MAX_BORDERS + 1, MAX_BORDERS + 2
 CURVES = MAX_BORDERS + 3
 FARTHEST_M = 3000.0  # rows that reach beyond are drawn as if they ended there
-VECTOR = 8  # float32 that are worked out together
+VECTOR = 16  # float32 that are worked out together, at most
 _MIN_FORWARD = 0.05  # cosine between a line and the camera's direction from which on the line is not followed
 
 

@@ -8,6 +8,9 @@ reason to fail: what is broken in it is compiled anew, and so is what calls a ke
 
 A kernel that another one calls is compiled into it, so there it is compiled without a way in from Python and
 is not kept on disk by itself (`inner_compiler`).
+
+Vectors are as wide as the processor's: LLVM holds on to half of AVX-512's width, since the first processors
+that had it slowed down under it.
 """
 
 import contextlib
@@ -17,6 +20,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
+from numba.core import codegen
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 from sumo_net.kernel_sources import parts, stamp
@@ -33,6 +37,13 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 # without the wrapper for C callers, which nothing here is: a tenth of the time to compile
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+_SINCE_ICE_LAKE = "+avx512vbmi2"  # and Zen 4; these do not slow down
+
+if numba.config.CPU_FEATURES is None:  # NUMBA_CPU_FEATURES is the user's
+    _features = codegen.get_host_cpu_features()
+    if _SINCE_ICE_LAKE in _features.split(","):
+        numba.config.CPU_FEATURES = f"{_features},-prefer-256-bit"
 
 KERNELS: list[Any] = []  # those of all modules that were imported
 
