@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from plugin.chain import Chain, Outcome
+from plugin.chain import Chain, ChainState, Outcome
 from sumo_net.batch import select
 from sumo_net.ego import EgoTruth
 from sumo_net.snapshot import Snapshot
 
 Array = np.ndarray[Any, Any]
 
+UNEVEN = 1 / 32  # of the fleet; parts that differ by more are made anew, which copies all that is known
 LEAST_PART = 16  # vehicles in the hands of a thread: what its calls cost is spread over them
 
 
@@ -39,12 +40,30 @@ class Fleet:
             return
         new = handle[~np.isin(handle, have, assume_unique=True)]
         fresh = self._chain.init(new, [self._name(one) for one in new.tolist()])
-        known = np.concatenate([have, new])
-        order = np.argsort(known)
-        rows = order[np.searchsorted(known[order], handle)]
-        whole = self._chain.join(*self._parts, fresh)
+        parts, cuts = (
+            self._parts,
+            np.searchsorted(handle, [part.vehicles.handle[0] for part in self._parts[1:]]),
+        )
         count = max(1, min(self._threads, len(handle) // LEAST_PART))
-        self._parts = [self._chain.select(whole, part) for part in np.array_split(rows, count)]
+        sizes = np.diff(cuts, prepend=0, append=len(handle))
+        if len(parts) != count or sizes.max() - sizes.min() > len(handle) * UNEVEN:
+            parts = [self._chain.join(*parts, fresh)] * count
+            cuts = np.array([len(handle) * part // count for part in range(1, count)], np.int64)
+        elif len(new):
+            arrived = np.split(np.arange(len(new)), np.searchsorted(np.searchsorted(handle, new), cuts))
+            parts = [
+                self._chain.join(part, self._chain.select(fresh, rows)) if len(rows) else part
+                for part, rows in zip(parts, arrived, strict=True)
+            ]
+        self._parts = [self._of(part, some) for part, some in zip(parts, np.split(handle, cuts), strict=True)]
+
+    def _of(self, part: ChainState, handle: Array) -> ChainState:
+        """The vehicles `handle`, ascending, of a part that has them; the part itself where these are all."""
+        have = part.vehicles.handle
+        if np.array_equal(have, handle):
+            return part
+        order = np.argsort(have)
+        return self._chain.select(part, order[np.searchsorted(have[order], handle)])
 
     def step(self, truth: EgoTruth, half_span_m: Array, snapshot: Snapshot) -> list[Outcome]:
         """One step of its n > 0 vehicles: what came of it, part by part."""

@@ -1,0 +1,79 @@
+"""The fleet in parts: who is in which, and what each vehicle carries along."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plugin.fleet import LEAST_PART, UNEVEN, Fleet
+from sumo_net.batch import join, select
+
+
+class Vehicles(NamedTuple):
+    handle: Any
+    told: Any  # what each of them was told at its beginning
+
+
+class State(NamedTuple):
+    vehicles: Vehicles
+
+
+class Telling:
+    """A chain that does nothing but count who began, and what was copied."""
+
+    def __init__(self) -> None:
+        self.begun = 0
+        self.copied = 0
+
+    def init(self, handle: Any, names: list[str]) -> State:
+        self.begun += len(handle)
+        assert names == [f"v{one}" for one in handle]
+        return State(Vehicles(handle, self.begun - len(handle) + np.arange(len(handle))))
+
+    def select(self, state: State, rows: Any) -> State:
+        self.copied += len(rows)
+        return select(state, rows)
+
+    def join(self, *states: State) -> State:
+        self.copied += sum(len(state.vehicles.handle) for state in states)
+        return join(*states)
+
+
+def fleet(threads: int) -> tuple[Fleet, Telling]:
+    chain: Any = Telling()
+    return Fleet(chain, lambda handle: f"v{handle}", threads), chain
+
+
+@given(st.integers(1, 3), st.lists(st.sets(st.integers(0, 90), max_size=80), max_size=8))
+def test_every_vehicle_keeps_what_it_has_in_even_parts_in_order(threads: int, drives: list[set[int]]) -> None:
+    one, chain = fleet(threads)
+    told: dict[int, int] = {}
+    for driving in drives:
+        handle = np.array(sorted(driving), np.int64)
+        begun = chain.begun
+        one.follow(handle)
+        new = [each for each in handle.tolist() if each not in told]
+        told = {each: told[each] for each in handle.tolist() if each in told}
+        told |= {each: begun + row for row, each in enumerate(new)}
+        np.testing.assert_array_equal(one.handle, handle)
+        have = np.concatenate([part.vehicles.told for part in one._parts])  # type: ignore[attr-defined]
+        assert have.tolist() == [told[each] for each in handle.tolist()]
+        sizes = [len(part.vehicles.handle) for part in one._parts]
+        assert len(sizes) == max(1, min(threads, len(handle) // LEAST_PART))
+        assert max(sizes) - min(sizes) <= max(1, len(handle) * UNEVEN)
+
+
+@pytest.mark.parametrize("leaves", [2, 150])
+def test_who_leaves_and_who_comes_move_nobody_of_the_other_part(leaves: int) -> None:
+    one, chain = fleet(2)
+    one.follow(np.arange(200))
+    first, last = one._parts
+    chain.copied = 0
+    one.follow(np.setdiff1d(np.arange(201), [leaves]))
+    assert [part is before for part, before in zip(one._parts, (first, last), strict=True)] == [
+        leaves >= 100,
+        False,
+    ]
+    assert chain.copied < 4 * 100
