@@ -13,7 +13,7 @@ from plugin.chain import Chain, Moment
 from plugin.configuration import Configuration, configuration_from, versions, write_configuration
 from plugin.fleet import Fleet
 from plugin.reaction import Listeners
-from plugin.record import Recorder
+from plugin.record import MOST_WAITING, Recorder
 from plugin.truth import Scorer
 from plugin.warning import departure
 from sumo_net.batch import join, select
@@ -184,6 +184,7 @@ class DriverAssistance:
         if len(truth.handle):
             self._drive(sensed, truth, spans)
         self._script.step(snapshot)
+        self.recorder.flush(MOST_WAITING)  # a full disk is told of now, not with the next rows
         if self._steps % SETTLE_EVERY_STEPS == 0:
             self._scorer.settle(self._traffic.time_s)
             self._rear_end.settle(self._traffic.time_s)

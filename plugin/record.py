@@ -4,7 +4,9 @@ import contextlib
 import io
 import os
 import shutil
+from collections import deque
 from collections.abc import Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +36,12 @@ class Recording:
 
 
 FORMATS = ("csv", "parquet")
+MOST_WAITING = 8  # chunks that are not written yet: what comes more waits, so that memory stays flat
 _ARROW = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": pa.string()}
 
 
 class Recorder:
-    """Collects the chunks of every table and writes them as they come, so that memory stays flat.
+    """Collects the chunks of every table and writes them as they come, in a thread of its own.
 
     Parameters
     ----------
@@ -60,6 +63,8 @@ class Recorder:
         self._schema = tables
         self._memory: dict[str, list[pa.Table]] = {name: [] for name in tables}
         self._writers: dict[str, list[_CsvFile | _ParquetFile]] = {name: [] for name in tables}
+        self._thread = ThreadPoolExecutor(1, "tables")  # text and compression do not hold the GIL
+        self._waiting: deque[Future[None]] = deque()
         if directory is not None:
             directory.mkdir(parents=True, exist_ok=True)
             for name, columns in tables.items():
@@ -80,7 +85,8 @@ class Recorder:
     def append(self, name: str, columns: Mapping[str, Any]) -> None:
         """Add rows to table `name`; `columns` maps column names to equally long arrays.
 
-        A column that is missing is left empty. NaN in a float column is written as empty.
+        A column that is missing is left empty. NaN in a float column is written as empty. The arrays must not
+        change afterwards. Raises OSError as `flush` does, also for rows appended earlier.
         """
         table = self._to_arrow(name, columns)
         if table.num_rows == 0:
@@ -88,13 +94,23 @@ class Recorder:
         if self.directory is None:
             self._memory[name].append(table)
         for writer in self._writers[name]:
-            writer.write(table)
+            self._waiting.append(self._thread.submit(writer.write, table))
+        self.flush(MOST_WAITING)
+
+    def flush(self, waiting: int = 0) -> None:
+        """Wait until all rows but `waiting` chunks are in their files; raise what has failed so far.
+
+        Raises OSError, which names the file and says why.
+        """
+        while self._waiting and (self._waiting[0].done() or len(self._waiting) > waiting):
+            self._waiting.popleft().result()
 
     def table(self, name: str) -> pd.DataFrame:
         """What has been recorded of one table so far."""
         schema = arrow_schema(self._schema[name])
         if self.directory is None:
             return to_pandas(pa.concat_tables([schema.empty_table(), *self._memory[name]]))
+        self.flush()
         return read_table(self.directory, name)
 
     def close(self) -> None:
@@ -103,6 +119,8 @@ class Recorder:
             for writers in self._writers.values():
                 for writer in writers:
                     every.callback(writer.close)
+            every.callback(self._thread.shutdown)
+            every.callback(self.flush)  # the last is called first
 
     def _to_arrow(self, name: str, columns: Mapping[str, Any]) -> pa.Table:
         specification = self._schema[name]

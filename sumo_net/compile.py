@@ -40,10 +40,11 @@ _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wra
 
 _SINCE_ICE_LAKE = "+avx512vbmi2"  # and Zen 4; these do not slow down
 
-if numba.config.CPU_FEATURES is None:  # NUMBA_CPU_FEATURES is the user's
+_numba: Any = numba.config
+if _numba.CPU_FEATURES is None:  # NUMBA_CPU_FEATURES is the user's
     _features = codegen.get_host_cpu_features()
     if _SINCE_ICE_LAKE in _features.split(","):
-        numba.config.CPU_FEATURES = f"{_features},-prefer-256-bit"
+        _numba.CPU_FEATURES = f"{_features},-prefer-256-bit"
 
 KERNELS: list[Any] = []  # those of all modules that were imported
 

@@ -15,7 +15,12 @@ from plugin.record import read_table
 from plugin.schema import TABLES
 from tests.plugin.test_assistance import in_process
 
-SHORT = {"duration_s": 3.0, "fraction": 0.05, "seed": 4, "changes": {"warm_up_s": 0.5}}
+SHORT = {
+    "duration_s": 3.0,
+    "fraction": 0.05,
+    "seed": 4,
+    "changes": {"warm_up_s": 0.5, "recording": {"roadside_every": 1}},
+}
 
 
 def often() -> None:
@@ -135,7 +140,7 @@ def test_what_must_not_matter_changes_no_byte(undisturbed: Path, tmp_path: Path,
 def test_a_disk_that_is_full_in_mid_run(undisturbed: Path, tmp_path: Path, form: str) -> None:
     size = (undisturbed / f"steps.{form}").stat().st_size
     with pytest.raises(OSError, match=r"cannot be written .*File too large.*rows before are whole") as error:
-        in_process(full_disk, tmp_path, SHORT | {"formats": (form,)}, int(0.6 * size))
+        in_process(full_disk, tmp_path, SHORT | {"formats": (form,)}, int(0.7 * size))
     assert str(tmp_path) in str(error.value)
     whole = pd.DataFrame(read_table(undisturbed, "steps"))
     kept = read_table(tmp_path, "steps")
