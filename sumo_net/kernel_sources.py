@@ -36,7 +36,7 @@ def _direct(function: FunctionType) -> tuple[tuple[FunctionType, ...], frozenset
     named: set[Part] = {(function.__module__, *stamp(function.__code__.co_filename))}
     for name in _names(function.__code__):
         value = function.__globals__.get(name)
-        inner = getattr(value, "py_func", None)
+        inner = getattr(value, "py_func", getattr(value, "_defn", None))  # of a kernel, of an intrinsic
         if isinstance(inner, FunctionType):
             called.append(inner)
         elif isinstance(value, _CONSTANTS):

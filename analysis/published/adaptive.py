@@ -95,7 +95,7 @@ def run(experiment: AdaptiveExperiment, name: str, truth: Array, z: Array, told:
     for k in range(1, steps):
         if name == "fixed":
             gaussian = kalman.predict(kalman.Gaussian(state.x, state.P), F, Q)
-            gaussian, innovation = kalman.update(gaussian, z[k], everyone, GROUND_C, R)
+            gaussian, innovation = kalman.update(gaussian, z[k], everyone, R)
             state = state._replace(x=gaussian.x, P=gaussian.P)
             indefinite |= np.isnan(innovation.log_likelihood)
         elif name == "adaptive":

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from plugin.tracking import adaptive_kernels as kernels
 from plugin.tracking import kalman
+from plugin.tracking.kalman_kernels import MEASURED, STATES
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
@@ -99,7 +100,8 @@ def innovation_covariance(state: AdaptiveState, H: Array) -> tuple[Array, Array]
 
 
 def _rows(H: Array, tracks: int) -> tuple[Array, Array]:
-    kalman.check_measured(H)
+    if H.shape[-2:] != (MEASURED, STATES):
+        raise ValueError(f"H is {H.shape[-2:]}: the kernels take {(MEASURED, STATES)}")
     if H.ndim == 2:
         return H[None], np.zeros(tracks, np.int64)
     return H, np.arange(tracks)

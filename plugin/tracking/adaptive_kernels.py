@@ -4,14 +4,8 @@ import math
 
 import numpy as np
 
-from plugin.tracking.kalman_kernels import (
-    MEASURED,
-    STATES,
-    cholesky,
-    innovation_covariance,
-    update_one,
-)
-from sumo_net.compile import kernel
+from plugin.tracking.kalman_kernels import MEASURED, STATES, cholesky, gain
+from sumo_net.compile import inlined, kernel
 
 R_INDEFINITE, Q_INDEFINITE, P_INDEFINITE, S_INDEFINITE, NOT_FINITE = 1, 2, 4, 8, 16
 RUNAWAY = 1e8  # numbers beyond are on their way to infinity
@@ -21,6 +15,84 @@ RUNAWAY = 1e8  # numbers beyond are on their way to infinity
 def forgetting(b, k):  # type: ignore[no-untyped-def]
     """d_k = (1 − b) / (1 − b^{k+1}), below eq. (10)."""
     return (1.0 - b) / (1.0 - b ** (k + 1.0))
+
+
+@inlined
+def innovation_covariance(P, H, R, PHt, S):  # type: ignore[no-untyped-def]
+    """PHt = P Hᵀ (n, m) and S = H P Hᵀ + R (m, m)."""
+    m, n = MEASURED, STATES
+    for j in range(m):
+        for i in range(n):
+            PHt[i, j] = 0.0
+        for k in range(n):
+            h = H[j, k]
+            if h != 0.0:
+                for i in range(n):
+                    PHt[i, j] += P[i, k] * h
+    for i in range(m):
+        for j in range(m):
+            S[i, j] = R[i, j]
+        for k in range(n):
+            h = H[i, k]
+            if h != 0.0:
+                for j in range(m):
+                    S[i, j] += h * PHt[k, j]
+
+
+@inlined
+def _joseph(P, K, H, R, A, work):  # type: ignore[no-untyped-def]
+    """P = (I − K H) P (I − K H)ᵀ + K R Kᵀ in place for any gain K (n, m); A, work (n, n) are scratch.
+
+    As M + (K R − M Hᵀ) Kᵀ with M = P − K (H P), which is the same and needs no product of two (n, n).
+    """
+    n, m = STATES, MEASURED
+    for k in range(m):  # A: the rows of H P, then those of Kᵀ
+        for j in range(n):
+            A[k, j] = 0.0
+            A[m + k, j] = K[j, k]
+        for i in range(n):
+            h = H[k, i]
+            if h != 0.0:
+                for j in range(n):
+                    A[k, j] += h * P[i, j]
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = P[i, j]
+        for k in range(m):
+            gain = K[i, k]
+            for j in range(n):
+                work[i, j] -= gain * A[k, j]
+    for i in range(n):
+        for j in range(n):
+            P[i, j] = work[i, j]
+        for k in range(m):
+            weight = 0.0
+            for a in range(m):
+                weight += K[i, a] * R[a, k]
+            for a in range(n):
+                if H[k, a] != 0.0:
+                    weight -= work[i, a] * H[k, a]
+            for j in range(n):
+                P[i, j] += weight * A[m + k, j]
+        for j in range(i):
+            P[j, i] = P[i, j]
+
+
+@inlined
+def _update_one(x, P, y, H, R, K, S, L, A, work):  # type: ignore[no-untyped-def]
+    """Update x (n,) and P (n, n) in place with the innovation y (m,) of any H; give its log-likelihood.
+
+    K (n, m) and S (m, m) are left filled with the gain and the innovation's covariance; L (m, m), A and work
+    (n, n) are scratch. Where S is not positive definite nothing is changed and the likelihood is NaN.
+    """
+    innovation_covariance(P, H, R, K, S)
+    log_likelihood = gain(S, L, y, K)
+    if not math.isnan(log_likelihood):
+        for i in range(STATES):
+            for j in range(MEASURED):
+                x[i] += K[i, j] * y[j]
+        _joseph(P, K, H, R, A, work)
+    return log_likelihood
 
 
 @kernel
@@ -39,7 +111,7 @@ def update_safe(x, P, R, k, z, seen, H, which, b):  # type: ignore[no-untyped-de
             continue
         h = H[which[t]]
         _innovation(x[t], z[t], h, y)
-        if math.isnan(update_one(x[t], P[t], y, h, R[t], K, S, L, A, work)):
+        if math.isnan(_update_one(x[t], P[t], y, h, R[t], K, S, L, A, work)):
             continue
         d = forgetting(b, k[t])
         _innovation(x[t], z[t], h, y)
@@ -83,7 +155,7 @@ def update_patent(x, P, q, Q, r, R, k, z, seen, H, which, b, adapt_process):  # 
                 S[i, j] = HPH[i, j] + R[t, i, j]
         if not _definite(S, L):
             flags[t] |= S_INDEFINITE
-        if not _gain(S, PHt, K):  # (11)
+        if not _regular_gain(S, PHt, K):  # (11)
             flags[t] |= NOT_FINITE
             continue
         for i in range(n):
@@ -173,7 +245,7 @@ def _definite(M, L):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _gain(S, PHt, K):  # type: ignore[no-untyped-def]
+def _regular_gain(S, PHt, K):  # type: ignore[no-untyped-def]
     """K = P Hᵀ S⁻¹ for any regular S, also an indefinite one; False where S is singular or not finite."""
     inverse = np.empty_like(S)
     m = MEASURED

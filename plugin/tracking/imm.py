@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plugin.tracking import imm_kernels as kernels
+from plugin.tracking import kalman_kernels
 from plugin.tracking.kalman import Gaussian, check_measured, check_states
 
 Array = np.ndarray[Any, Any]
@@ -63,24 +64,29 @@ def predict(
     tracks, n = check_states(state.x)
     which = np.zeros(tracks, np.int64) if which is None else which
     shift = np.zeros((tracks, n)) if shift is None else shift
+    if state.x.shape[1] == 1:  # nothing to mix
+        x, P = kalman_kernels.predict(state.x[:, 0], state.P[:, 0], F[:, 0], Q[:, 0], which, shift)
+        return ImmState(x[:, None], P[:, None], markov[which, 0] * state.mu)
     return ImmState(*kernels.predict(*state, F, Q, markov, which, shift))
 
 
 def update(
-    state: ImmState, z: Array, seen: Array, H: Array, R: Array, angle: Array | None = None
+    state: ImmState, z: Array, seen: Array, R: Array, angle: Array | None = None
 ) -> tuple[ImmState, Array]:
     """Steps 2 and 3 with z (T, m) where `seen` (T,).
 
     Gives the state and `sound` (T,) bool: False where an innovation covariance was not positive definite.
     """
     check_states(state.x)
-    check_measured(H)
-    angle = np.zeros(len(H), np.bool_) if angle is None else angle
+    check_measured(z)
+    angle = np.zeros(kalman_kernels.MEASURED, np.bool_) if angle is None else angle
     after = ImmState(*(part.copy() for part in state))
     chosen = np.where(seen, np.arange(len(z)), -1)
-    return after, kernels.update(*after, z, chosen, H, R, angle)
+    return after, kernels.update(*after, z, chosen, R, angle)
 
 
 def combine(state: ImmState) -> Gaussian:
-    """Step 4: mean and covariance of the mixture."""
+    """Step 4: mean and covariance of the mixture; of one model, its own."""
+    if state.mu.shape[1] == 1:
+        return Gaussian(state.x[:, 0], state.P[:, 0])
     return Gaussian(*kernels.combine(*state))

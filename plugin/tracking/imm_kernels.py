@@ -4,9 +4,18 @@ import math
 
 import numpy as np
 
-from plugin.tracking.kalman_kernels import MEASURED, STATES, predict_one, update_one
+from plugin.tracking.kalman_kernels import (
+    MEASURED,
+    MEASURES,
+    STATES,
+    clear,
+    copy,
+    innovation,
+    predict_one,
+    update_one,
+)
 from sumo_net.compile import inlined, kernel
-from sumo_net.frames import wrap_angle
+from sumo_net.scratch import scratch
 
 
 @inlined
@@ -17,6 +26,7 @@ def mix_one(x, P, mu, markov, x0, P0, c, w):  # type: ignore[no-untyped-def]
     cannot be reached (c = 0) starts from its own last estimate.
     """
     r, n = len(x), STATES
+    M, d = scratch((STATES, STATES)), scratch(STATES)
     for j in range(r):
         total = 0.0
         for i in range(r):
@@ -30,14 +40,15 @@ def mix_one(x, P, mu, markov, x0, P0, c, w):  # type: ignore[no-untyped-def]
             for i in range(r):
                 mean += w[i] * x[i, a]
             x0[j, a] = mean
-        for a in range(n):
-            for b in range(a, n):
-                total = 0.0
-                for i in range(r):
-                    if w[i] > 0.0:
-                        total += w[i] * (P[i, a, b] + (x[i, a] - x0[j, a]) * (x[i, b] - x0[j, b]))
-                P0[j, a, b] = total
-                P0[j, b, a] = total
+        clear(M)
+        for i in range(r):
+            if w[i] > 0.0:
+                for a in range(n):
+                    d[a] = x[i, a] - x0[j, a]
+                for a in range(n):
+                    for b in range(n):
+                        M[a, b] += w[i] * (P[i, a, b] + d[a] * d[b])
+        copy(M, P0[j])
 
 
 @kernel
@@ -56,49 +67,31 @@ def predict(x, P, mu, F, Q, markov, which, shift):  # type: ignore[no-untyped-de
     return xp, Pp, c
 
 
-@inlined
-def _innovation(x, z, H, angle, y):  # type: ignore[no-untyped-def]
-    """y = z − H x (m,), angles wrapped."""
-    for i in range(MEASURED):
-        total = z[i]
-        for k in range(STATES):
-            total -= H[i, k] * x[k]
-        y[i] = wrap_angle(total) if angle[i] else total
-
-
 @kernel
-def update(x, P, mu, z, chosen, H, R, angle):  # type: ignore[no-untyped-def]
+def update(x, P, mu, z, chosen, R, angle):  # type: ignore[no-untyped-def]
     """Steps 2 and 3 in place: every model's update, and the mode probabilities by their log-likelihoods.
 
-    Shapes as in `predict`; z (D, m), chosen (T,) the row of z that a track takes, -1 for none, H (m, n),
-    R (m, m), angle (m,). The probabilities are taken relative to the likeliest mode, so that no underflow of
+    Shapes as in `predict`; z (D, m), chosen (T,) the row of z that a track takes, -1 for none, R (m, m),
+    angle (m,). The probabilities are taken relative to the likeliest mode, so that no underflow of
     all of them can occur. Where nothing is taken all stays as predicted. Where some model's innovation
     covariance is not positive definite, `sound` (T,), which is given back, is False and the probabilities
     stay as predicted.
     """
-    tracks, r, n = len(chosen), x.shape[1], STATES
-    m = MEASURED
-    sound = np.ones(tracks, np.bool_)
-    y, K, S, L = np.empty(m), np.empty((n, m)), np.empty((m, m)), np.empty((m, m))
-    A, work, log_mu = np.empty((n, n)), np.empty((n, n)), np.empty(r)
-    one_x, one_P = np.empty(n), np.empty((n, n))
+    tracks, r, m = len(chosen), x.shape[1], MEASURED
+    sound, log_mu = np.ones(tracks, np.bool_), np.empty(r)
+    y, S, one_R, one_P = scratch(m), scratch((m, m)), scratch((m, m)), scratch((STATES, STATES))
+    copy(R, one_R)
     for t in range(tracks):
         if chosen[t] < 0:
             continue
         highest = -math.inf
         for j in range(r):
-            for a in range(n):
-                one_x[a] = x[t, j, a]
-                for b in range(n):
-                    one_P[a, b] = P[t, j, a, b]
-            _innovation(one_x, z[chosen[t]], H, angle, y)
-            log_likelihood = update_one(one_x, one_P, y, H, R, K, S, L, A, work)
+            innovation(x[t, j], z[chosen[t]], angle, y)
+            copy(P[t, j], one_P)
+            log_likelihood = update_one(x[t, j], one_P, y, one_R, S)
+            copy(one_P, P[t, j])
             if math.isnan(log_likelihood):
                 sound[t] = False
-            for a in range(n):
-                x[t, j, a] = one_x[a]
-                for b in range(n):
-                    P[t, j, a, b] = one_P[a, b]
             log_mu[j] = log_likelihood + (math.log(mu[t, j]) if mu[t, j] > 0.0 else -math.inf)
             highest = max(highest, log_mu[j])
         if not sound[t]:
@@ -116,44 +109,44 @@ def update(x, P, mu, z, chosen, H, R, angle):  # type: ignore[no-untyped-def]
 def combine(x, P, mu):  # type: ignore[no-untyped-def]
     """Step 4: mean (T, n) and covariance (T, n, n) of the mixture, with the spread of the means."""
     tracks, r, n = len(x), x.shape[1], STATES
-    mean, covariance = np.zeros((tracks, n)), np.zeros((tracks, n, n))
+    mean, covariance = np.zeros((tracks, n)), np.empty((tracks, n, n))
+    M, d = scratch((STATES, STATES)), scratch(STATES)
     for t in range(tracks):
         for j in range(r):
             for a in range(n):
                 mean[t, a] += mu[t, j] * x[t, j, a]
+        clear(M)
         for j in range(r):
             weight = mu[t, j]
             if weight > 0.0:
                 for a in range(n):
-                    for b in range(a, n):
-                        spread = (x[t, j, a] - mean[t, a]) * (x[t, j, b] - mean[t, b])
-                        covariance[t, a, b] += weight * (P[t, j, a, b] + spread)
-        for a in range(n):
-            for b in range(a):
-                covariance[t, a, b] = covariance[t, b, a]
+                    d[a] = x[t, j, a] - mean[t, a]
+                for a in range(n):
+                    for b in range(n):
+                        M[a, b] += weight * (P[t, j, a, b] + d[a] * d[b])
+        copy(M, covariance[t])
     return mean, covariance
 
 
 @kernel
-def expect(tracks, x, P, mu, R, seen):  # type: ignore[no-untyped-def]
-    """Mean (T, m) and covariance (T, m, m) of what will be measured: the mixture's states `seen` (m,) with R.
+def expect(tracks, x, P, mu, R):  # type: ignore[no-untyped-def]
+    """Mean (T, m) and covariance (T, m, m) of what will be measured: H of `combine`, with R added.
 
     Of the first `tracks` = T rows of x, P, mu.
-    Where z is some of the states, H selecting them, this is H of `combine` with R added.
     """
     r, m = x.shape[1], MEASURED
     mean, S = np.zeros((tracks, m)), np.zeros((tracks, m, m))
     for t in range(tracks):
         for j in range(r):
             for a in range(m):
-                mean[t, a] += mu[t, j] * x[t, j, seen[a]]
+                mean[t, a] += mu[t, j] * x[t, j, MEASURES[a]]
         for j in range(r):
             weight = mu[t, j]
             if weight > 0.0:
                 for a in range(m):
                     for b in range(m):
-                        spread = (x[t, j, seen[a]] - mean[t, a]) * (x[t, j, seen[b]] - mean[t, b])
-                        S[t, a, b] += weight * (P[t, j, seen[a], seen[b]] + spread)
+                        spread = (x[t, j, MEASURES[a]] - mean[t, a]) * (x[t, j, MEASURES[b]] - mean[t, b])
+                        S[t, a, b] += weight * (P[t, j, MEASURES[a], MEASURES[b]] + spread)
         for a in range(m):
             for b in range(m):
                 S[t, a, b] += R[a, b]

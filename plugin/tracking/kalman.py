@@ -31,10 +31,10 @@ def check_states(x: Array) -> tuple[int, int]:
     return len(x), x.shape[-1]
 
 
-def check_measured(H: Array) -> None:
-    """Raises ValueError unless H (..., m, n) is of the size that the kernels are compiled for."""
-    if H.shape[-2:] != (kernels.MEASURED, kernels.STATES):
-        raise ValueError(f"H is {H.shape[-2:]}: the kernels take {(kernels.MEASURED, kernels.STATES)}")
+def check_measured(z: Array) -> None:
+    """Raises ValueError unless z (T, m) is of the size that the kernels are compiled for."""
+    if z.shape[-1] != kernels.MEASURED:
+        raise ValueError(f"z has {z.shape[-1]} components: the kernels take {kernels.MEASURED}")
 
 
 def predict(
@@ -59,11 +59,14 @@ def predict(
 
 
 def update(
-    state: Gaussian, z: Array, seen: Array, H: Array, R: Array, angle: Array | None = None
+    state: Gaussian, z: Array, seen: Array, R: Array, angle: Array | None = None
 ) -> tuple[Gaussian, Innovation]:
-    """Joseph-form update with z (T, m) where `seen` (T,); H (m, n), R (m, m), angle (m,) bool or none."""
+    """Joseph-form update with z (T, m) where `seen` (T,); R (m, m), angle (m,) bool or none.
+
+    z are the states `kalman_kernels.MEASURES`.
+    """
     check_states(state.x)
-    check_measured(H)
-    angle = np.zeros(len(H), np.bool_) if angle is None else angle
-    x, P, *innovation = kernels.update(state.x, state.P, z, seen, H, R, angle)
+    check_measured(z)
+    angle = np.zeros(kernels.MEASURED, np.bool_) if angle is None else angle
+    x, P, *innovation = kernels.update(state.x, state.P, z, seen, R, angle)
     return Gaussian(x, P), Innovation(*innovation)

@@ -5,6 +5,8 @@ All models of tracking here have six states and three measured components; as co
 unroll, which halves the time. (n, m in the shapes below.) For that, what works on one track is put whole into
 the kernels over all tracks, which copy a track into arrays of constant size.
 
+What is measured are the states MEASURES themselves: H picks them, and is nowhere multiplied by.
+
 Every batch takes T tracks along the first axis; which transition a track takes is an index into U of them,
 since most tracks of a fleet share one time step.
 """
@@ -15,9 +17,27 @@ import numpy as np
 
 from sumo_net.compile import inlined, kernel
 from sumo_net.frames import wrap_angle
+from sumo_net.scratch import scratch
 
 STATES, MEASURED = 6, 3
+MEASURES = (0, 1, 3)  # the states that are measured: (r, ṙ, β), or (x, ẋ, y) over ground
 LOG_TWO_PI = math.log(2.0 * math.pi)
+
+
+@inlined
+def copy(M, out):  # type: ignore[no-untyped-def]
+    """out = M, two matrices."""
+    for i in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            out[i, j] = M[i, j]
+
+
+@inlined
+def clear(out):  # type: ignore[no-untyped-def]
+    """out = 0, a matrix."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0.0
 
 
 @inlined
@@ -95,67 +115,6 @@ def predict_one(x, P, F, Q, shift, xp, Pp, work):  # type: ignore[no-untyped-def
 
 
 @inlined
-def innovation_covariance(P, H, R, PHt, S):  # type: ignore[no-untyped-def]
-    """PHt = P Hᵀ (n, m) and S = H P Hᵀ + R (m, m)."""
-    m, n = MEASURED, STATES
-    for j in range(m):
-        for i in range(n):
-            PHt[i, j] = 0.0
-        for k in range(n):
-            h = H[j, k]
-            if h != 0.0:
-                for i in range(n):
-                    PHt[i, j] += P[i, k] * h
-    for i in range(m):
-        for j in range(m):
-            S[i, j] = R[i, j]
-        for k in range(n):
-            h = H[i, k]
-            if h != 0.0:
-                for j in range(m):
-                    S[i, j] += h * PHt[k, j]
-
-
-@inlined
-def joseph(P, K, H, R, A, work):  # type: ignore[no-untyped-def]
-    """P = (I − K H) P (I − K H)ᵀ + K R Kᵀ in place for any gain K (n, m); A, work (n, n) are scratch.
-
-    As M + (K R − M Hᵀ) Kᵀ with M = P − K (H P), which is the same and needs no product of two (n, n).
-    """
-    n, m = STATES, MEASURED
-    for k in range(m):  # A: the rows of H P, then those of Kᵀ
-        for j in range(n):
-            A[k, j] = 0.0
-            A[m + k, j] = K[j, k]
-        for i in range(n):
-            h = H[k, i]
-            if h != 0.0:
-                for j in range(n):
-                    A[k, j] += h * P[i, j]
-    for i in range(n):
-        for j in range(n):
-            work[i, j] = P[i, j]
-        for k in range(m):
-            gain = K[i, k]
-            for j in range(n):
-                work[i, j] -= gain * A[k, j]
-    for i in range(n):
-        for j in range(n):
-            P[i, j] = work[i, j]
-        for k in range(m):
-            weight = 0.0
-            for a in range(m):
-                weight += K[i, a] * R[a, k]
-            for a in range(n):
-                if H[k, a] != 0.0:
-                    weight -= work[i, a] * H[k, a]
-            for j in range(n):
-                P[i, j] += weight * A[m + k, j]
-        for j in range(i):
-            P[j, i] = P[i, j]
-
-
-@inlined
 def mahalanobis(L, y, w):  # type: ignore[no-untyped-def]
     """yᵀ S⁻¹ y with S = L Lᵀ; w (m,) is scratch."""
     total = 0.0
@@ -169,27 +128,77 @@ def mahalanobis(L, y, w):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def update_one(x, P, y, H, R, K, S, L, A, work):  # type: ignore[no-untyped-def]
-    """Update x (n,) and P (n, n) in place with the innovation y (m,), m ≤ n; give its log-likelihood.
+def gain(S, L, y, K):  # type: ignore[no-untyped-def]
+    """K = P Hᵀ S⁻¹ in place of P Hᵀ (n, m), and the log-likelihood of the innovation y (m,); L is scratch.
 
-    K (n, m) and S (m, m) are left filled with the gain and the innovation's covariance; L (m, m), A and work
-    (n, n) are scratch. Where S is not positive definite nothing is changed and the likelihood is NaN.
+    NaN where S (m, m) is not positive definite; K is then as it was.
     """
-    n, m = STATES, MEASURED
-    innovation_covariance(P, H, R, K, S)
     if not cholesky(S, L):
         return math.nan
-    log_likelihood = -0.5 * (m * LOG_TWO_PI + mahalanobis(L, y, work[0]))
+    w = scratch(MEASURED)
+    log_likelihood = -0.5 * (MEASURED * LOG_TWO_PI + mahalanobis(L, y, w))
     determinant = 1.0
-    for j in range(m):
+    for j in range(MEASURED):
         determinant *= L[j, j]
         L[j, j] = 1.0 / L[j, j]
     log_likelihood -= math.log(determinant)
-    solve_cholesky(L, K)  # K = P Hᵀ S⁻¹, S being symmetric
-    for i in range(n):
-        for j in range(m):
-            x[i] += K[i, j] * y[j]
-    joseph(P, K, H, R, A, work)
+    solve_cholesky(L, K)  # S being symmetric
+    return log_likelihood
+
+
+@inlined
+def joseph(P, K, R):  # type: ignore[no-untyped-def]
+    """P = (I − K H) P (I − K H)ᵀ + K R Kᵀ in place for any gain K (n, m), H picking the states MEASURES.
+
+    As M + (K R − M Hᵀ) Kᵀ with M = P − K (H P), which is the same and needs no product of two (n, n).
+    """
+    M, weight = scratch((STATES, STATES)), scratch(MEASURED)
+    for i in range(STATES):
+        for j in range(STATES):
+            M[i, j] = P[i, j]
+            for k in range(MEASURED):
+                M[i, j] -= K[i, k] * P[MEASURES[k], j]
+    for i in range(STATES):
+        for k in range(MEASURED):
+            weight[k] = 0.0
+            for a in range(MEASURED):
+                weight[k] += K[i, a] * R[a, k]
+            weight[k] -= M[i, MEASURES[k]]
+        for j in range(i + 1):
+            P[i, j] = M[i, j]
+            for k in range(MEASURED):
+                P[i, j] += weight[k] * K[j, k]
+            P[j, i] = P[i, j]
+
+
+@inlined
+def innovation(x, z, angle, y):  # type: ignore[no-untyped-def]
+    """y = z − H x (m,), angles (m,) wrapped."""
+    for i in range(MEASURED):
+        y[i] = z[i] - x[MEASURES[i]]
+        if angle[i]:
+            y[i] = wrap_angle(y[i])
+
+
+@inlined
+def update_one(x, P, y, R, S):  # type: ignore[no-untyped-def]
+    """Update x (n,) and P (n, n) in place with the innovation y (m,); give its log-likelihood.
+
+    S (m, m) is left filled with the innovation's covariance. Where it is not positive definite nothing is
+    changed and the likelihood is NaN.
+    """
+    K, L = scratch((STATES, MEASURED)), scratch((MEASURED, MEASURED))
+    for j in range(MEASURED):
+        for i in range(STATES):
+            K[i, j] = P[i, MEASURES[j]]
+        for i in range(MEASURED):
+            S[i, j] = R[i, j] + P[MEASURES[i], MEASURES[j]]
+    log_likelihood = gain(S, L, y, K)
+    if not math.isnan(log_likelihood):
+        for i in range(STATES):
+            for j in range(MEASURED):
+                x[i] += K[i, j] * y[j]
+        joseph(P, K, R)
     return log_likelihood
 
 
@@ -205,26 +214,24 @@ def predict(x, P, F, Q, which, shift):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def update(x, P, z, seen, H, R, angle):  # type: ignore[no-untyped-def]
-    """Joseph-form update of x (T, n), P (T, n, n) with z (T, m) where `seen`; H (m, n), R (m, m).
+def update(x, P, z, seen, R, angle):  # type: ignore[no-untyped-def]
+    """Joseph-form update of x (T, n), P (T, n, n) with z (T, m) where `seen`; R (m, m).
 
     `angle` (m,) says which components of z are angles, so that their innovation is wrapped. Gives x, P, the
     innovation y (T, m), its covariance S (T, m, m) and log-likelihood (T,), the last three NaN where nothing
     was seen; the likelihood alone is NaN where S was not positive definite, and x and P are then unchanged.
     """
-    tracks, n = len(x), STATES
-    m = MEASURED
+    tracks, m = len(x), MEASURED
     x, P = x.copy(), P.copy()
     y, S = np.full((tracks, m), np.nan), np.full((tracks, m, m), np.nan)
     log_likelihood = np.full(tracks, np.nan)
-    K, L, A, work = np.empty((n, m)), np.empty((m, m)), np.empty((n, n)), np.empty((n, n))
+    one_R, one_S, one_P = scratch((m, m)), scratch((m, m)), scratch((STATES, STATES))
+    copy(R, one_R)
     for t in range(tracks):
-        if not seen[t]:
-            continue
-        for j in range(m):
-            total = z[t, j]
-            for k in range(n):
-                total -= H[j, k] * x[t, k]
-            y[t, j] = wrap_angle(total) if angle[j] else total
-        log_likelihood[t] = update_one(x[t], P[t], y[t], H, R, K, S[t], L, A, work)
+        if seen[t]:
+            innovation(x[t], z[t], angle, y[t])
+            copy(P[t], one_P)
+            log_likelihood[t] = update_one(x[t], one_P, y[t], one_R, one_S)
+            copy(one_P, P[t])
+            copy(one_S, S[t])
     return x, P, y, S, log_likelihood

@@ -14,14 +14,14 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import block_diag, fractional_matrix_power
 
-from plugin.tracking.kalman_kernels import STATES
+from plugin.tracking.kalman_kernels import MEASURES, STATES
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
 
-POLAR_H = np.eye(STATES)[[0, 1, 3]]
+POLAR_H = np.eye(STATES)[list(MEASURES)]
 POLAR_ANGLE = np.array([False, False, True])
-GROUND_C = np.eye(STATES)[[0, 1, 3]]  # eq. (6)
+GROUND_C = np.eye(STATES)[list(MEASURES)]  # eq. (6)
 
 
 @settings

@@ -12,10 +12,9 @@ from pydantic import Field
 from plugin.tracking import imm, imm_kernels, polar_kernels
 from plugin.tracking.detections import Array, Detections, SensorMotion
 from plugin.tracking.imm import ImmState
-from plugin.tracking.kalman_kernels import STATES
+from plugin.tracking.kalman_kernels import MEASURES, STATES
 from plugin.tracking.models import (
     POLAR_ANGLE,
-    POLAR_H,
     PolarMotion,
     RadarNoise,
     markov_powers,
@@ -23,7 +22,7 @@ from plugin.tracking.models import (
 )
 from sumo_net.settings import settings
 
-_SEEN = np.array([0, 1, 3])  # which states are measured
+_MEASURED = np.array(MEASURES)
 
 
 @settings
@@ -96,7 +95,7 @@ class PolarFilter:
         return ImmState(*parts), lost
 
     def expect(self, state: ImmState, owner: Array, sensor: SensorMotion) -> tuple[Array, Array]:
-        expected, S = imm_kernels.expect(len(owner), *state, self._R, _SEEN)
+        expected, S = imm_kernels.expect(len(owner), *state, self._R)
         return expected, S
 
     def measure(self, detections: Detections) -> Array:
@@ -107,7 +106,7 @@ class PolarFilter:
     def update(
         self, state: ImmState, z: Array, chosen: Array, owner: Array, sensor: SensorMotion
     ) -> ImmState:
-        imm_kernels.update(*state, z, chosen, POLAR_H, self._R, POLAR_ANGLE)
+        imm_kernels.update(*state, z, chosen, self._R, POLAR_ANGLE)
         return state
 
     def restart(self, state: ImmState, lost: Array) -> ImmState:
@@ -116,7 +115,7 @@ class PolarFilter:
         P, mu = state.P.copy(), state.mu.copy()
         r = np.maximum(state.x[rows, :, 0], 1.0)
         fresh = np.zeros((*r.shape, STATES, STATES))
-        fresh[..., _SEEN[:, None], _SEEN] = self._R
+        fresh[..., _MEASURED[:, None], _MEASURED] = self._R
         fresh[..., 2, 2] = self._spread.acceleration_mps2**2
         fresh[..., 4, 4] = (self._spread.lateral_speed_mps / r) ** 2
         fresh[..., 5, 5] = (self._spread.acceleration_mps2 / r) ** 2

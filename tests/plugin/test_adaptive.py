@@ -103,7 +103,7 @@ def test_with_much_prior_and_known_noise_it_is_the_kalman_filter() -> None:
     everyone = np.ones(2, np.bool_)
     z = rng.standard_normal((2, 3))
     state = adaptive.update_safe(adaptive.predict_safe(state, F, Q), z, everyone, GROUND_C, 1.0 - 1e-12)
-    plain, _ = kalman.update(kalman.predict(plain, F, Q), z, everyone, GROUND_C, R0)
+    plain, _ = kalman.update(kalman.predict(plain, F, Q), z, everyone, R0)
     np.testing.assert_allclose(state.x, plain.x, atol=1e-12)
     np.testing.assert_allclose(state.R, np.tile(R0, (2, 1, 1)), atol=1e-9)
 
