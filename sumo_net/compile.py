@@ -27,7 +27,7 @@ from sumo_net.kernel_sources import parts, stamp
 
 try:
     from sumo_net.inner_compiler import InnerCompiler, OuterCompiler
-except ImportError:  # of another numba: the same code, a fifth longer to compile
+except ImportError:  # of another numba: the same results, slower
     _OUTER: dict[str, Any] = {}
     _INNER: dict[str, Any] = {}
 else:

@@ -10,13 +10,17 @@ What is overridden here numba does not document. Where it lacks any of it, this 
 from typing import Any
 
 import numba
+from numba.core.base import BaseContext
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
-from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler import CompileResult
+
+from sumo_net.borrowed_arrays import BorrowingCompiler
 
 _USED: dict[type, tuple[str, ...]] = {
     JITCodeLibrary: ("_finalize_final_module", "_finalize_dynamic_globals", "_finalized", "codegen"),
     JITCPUCodegen: ("set_env",),
-    Compiler: ("compile_extra",),
+    BorrowingCompiler: ("compile_extra",),
+    BaseContext: ("subtarget", "enable_nrt"),
     CompileResult: ("_find_referenced_environments", "codegen"),
 }
 for _owner, _names in _USED.items():
@@ -41,8 +45,8 @@ class _InnerLibrary(JITCodeLibrary):
         """Nothing: `OuterCompiler` does."""
 
 
-class InnerCompiler(Compiler):
-    """numba's compiler, but for where the code goes."""
+class InnerCompiler(BorrowingCompiler):
+    """numba's compiler, but for where the code goes and the counts."""
 
     def compile_extra(self, func: Any) -> Any:
         """Compile the function."""
@@ -51,7 +55,7 @@ class InnerCompiler(Compiler):
         return super().compile_extra(func)
 
 
-class OuterCompiler(Compiler):
+class OuterCompiler(BorrowingCompiler):
     """numba's compiler, for what is called from Python and may call what InnerCompiler made."""
 
     def compile_extra(self, func: Any) -> Any:
