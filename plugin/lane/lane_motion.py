@@ -69,8 +69,7 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
-    """The first knot fell behind: renumber, and append one whose curvature is the last one's ± bend_std,
-    drawn a little towards a straight road."""
+    """The first knot fell behind: renumber, and append one."""
     last = KNOT + KNOTS - 1
     for j in range(KNOT, last):
         x[j] = x[j + 1]
@@ -80,14 +79,27 @@ def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
     for j in range(KNOT, last):
         for i in range(STATES):
             P[j, i] = P[j + 1, i]
-    # a clothoid goes on as a clothoid, and every road becomes straight again
+    extend(x, P, last, t)
+
+
+@kernel
+def continued(x, j, t):  # type: ignore[no-untyped-def]
+    """Curvature at knot state j as those before have it: a clothoid goes on as a clothoid, and every road
+    becomes straight again.
+    """
+    return (t.bend_keep + t.bend_slope) * x[j - 1] - t.bend_slope * x[j - 2]
+
+
+@kernel
+def extend(x, P, j, t):  # type: ignore[no-untyped-def]
+    """Let the knot state j be what those before have it be, ± bend_std."""
     g1, g2 = t.bend_keep + t.bend_slope, -t.bend_slope
-    x[last] = g1 * x[last - 1] + g2 * x[last - 2]
-    for j in range(STATES):
-        P[last, j] = g1 * P[last - 1, j] + g2 * P[last - 2, j]
+    x[j] = continued(x, j, t)
+    for k in range(STATES):
+        P[j, k] = g1 * P[j - 1, k] + g2 * P[j - 2, k]
     for i in range(STATES):
-        P[i, last] = g1 * P[i, last - 1] + g2 * P[i, last - 2]
-    P[last, last] = g1 * P[last, last - 1] + g2 * P[last, last - 2] + t.bend_std * t.bend_std
+        P[i, j] = g1 * P[i, j - 1] + g2 * P[i, j - 2]
+    P[j, j] = g1 * P[j, j - 1] + g2 * P[j, j - 2] + t.bend_std * t.bend_std
 
 
 @kernel

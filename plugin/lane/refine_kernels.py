@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from plugin.lane.bends import seek_bends
 from plugin.lane.evidence import of_usual_width, pixel_noise, plausible, share_of_paint, side_seen, support_of
 from plugin.lane.hidden import outline
 from plugin.lane.lane_motion import predict, shift_lane
@@ -125,6 +126,8 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                         predict_spread(x, P, phase, rows, p, t, work)
                         gather(frames[i], rows, t, noise, work)
                 good = good and fit(x, phase, before, rows, p, t, 1.0, t.iterations, work)
+                if good and rival[LOOKS] == 0.0:  # against another lane it has to stand as it is
+                    seek_bends(frames[i], x, P, phase, before, rows, p, t, noise, work, room)
             if good:
                 found_left, expected_left = tally(work, LEFT)
                 found_right, expected_right = tally(work, RIGHT)
