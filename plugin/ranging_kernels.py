@@ -7,6 +7,10 @@ import numpy as np
 from plugin.tracking.classification_kernels import STATIONARY, UNCLASSIFIED
 from sumo_net.compile import kernel
 
+VELOCITY_STD_MPS = 0.5  # of a track, across
+MOST_ASKEW_RAD = 0.2  # that a body stands askew on the road
+CROSSING_RAD = 0.5
+
 
 @kernel
 def _next_place(e, t, speed, turn, step):  # type: ignore[no-untyped-def]
@@ -17,22 +21,38 @@ def _next_place(e, t, speed, turn, step):  # type: ignore[no-untyped-def]
 
 @kernel
 def bodies(tracks, unseen, speed, yaw_rate, step, lately, moving):  # type: ignore[no-untyped-def]
-    """Owner (B,) and next place, x and y (B,), of the vehicles among the tracks (TrackList).
+    """Owner (B,), next place x and y, course and its deviation, (B,) each, of the vehicles among the tracks.
 
-    Those are confirmed, not unseen (T,) for longer than `lately` s, and not standing or, where there is no
-    class yet, faster than `moving`. speed, yaw_rate (n,) of the vehicles.
+    tracks: TrackList. Those are confirmed, not unseen (T,) for longer than `lately` s, and not standing or,
+    where there is no class yet, faster than `moving`. speed, yaw_rate (n,) of the vehicles.
     """
     count, e = len(tracks.owner), tracks.estimate
     owner, x, y, used = np.empty(count, np.int64), np.empty(count), np.empty(count), 0
+    course, course_std = np.empty(count), np.empty(count)
     for t in range(count):
         state = tracks.motion_state[t]
         moves = abs(e.vx_mps[t]) > moving if state == UNCLASSIFIED else state != STATIONARY
         if tracks.confirmed[t] and moves and unseen[t] <= lately:
             i = tracks.owner[t]
             owner[used] = i
-            x[used], y[used] = _next_place(e, t, speed[i], yaw_rate[i] * step, step)
+            turn = yaw_rate[i] * step
+            x[used], y[used] = _next_place(e, t, speed[i], turn, step)
+            course[used], course_std[used] = axis_of(e.vx_mps[t], e.vy_mps[t])
+            course[used] -= turn
             used += 1
-    return owner[:used], x[:used], y[:used]
+    return owner[:used], x[:used], y[:used], course[:used], course_std[:used]
+
+
+@kernel
+def axis_of(vx, vy):  # type: ignore[no-untyped-def]
+    """(direction of a body's axis from the own one, its standard deviation) by its velocity over ground.
+
+    Of a slow body, or one that crosses, only that bodies stand along the road.
+    """
+    pace, course = math.hypot(vx, vy), math.atan(vy / vx)
+    if pace * MOST_ASKEW_RAD < VELOCITY_STD_MPS or not abs(course) < CROSSING_RAD:
+        return 0.0, MOST_ASKEW_RAD
+    return course, VELOCITY_STD_MPS / pace
 
 
 @kernel

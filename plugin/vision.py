@@ -125,7 +125,8 @@ class Vision:
 
         watched : the rears to look at, (n,).
         """
-        hidden = hidden_by(bodies, len(state.frame), self._projection)
+        mount_m = self._configuration.radar.mount_forward_m
+        hidden = hidden_by(bodies, len(state.frame), self._projection, mount_m)
         return state._replace(hidden=hidden, watched=watched)
 
     def seen_to(self, state: VisionState) -> Array:

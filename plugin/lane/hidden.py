@@ -32,6 +32,8 @@ class Bodies(NamedTuple):
     owner: Array  # int64, row of the vehicle
     x_m: Array  # from the centre of gravity
     y_m: Array
+    course_rad: Array  # direction of the body's axis from the own one, left positive
+    course_std_rad: Array
 
 
 def nothing_hidden(n: int) -> Array:
@@ -41,50 +43,63 @@ def nothing_hidden(n: int) -> Array:
     return out
 
 
-def hidden_by(bodies: Bodies, n: int, projection: Projection) -> Array:
+def hidden_by(bodies: Bodies, n: int, projection: Projection, radar_forward_m: float) -> Array:
     """(n, BODIES, COLUMNS): from which row on (y up) and from which to which column each body hides the road.
 
     Also the nearest point's column, pixels per metre there, and its distance over that of the body's front.
+    The points are the nearest to a radar `radar_forward_m` ahead of the centre of gravity.
     """
     out = nothing_hidden(n)
     order = np.lexsort((bodies.x_m, bodies.owner))
-    _mask(bodies.owner[order], bodies.x_m[order], bodies.y_m[order], projection, out)
+    _mask(Bodies(*(part[order] for part in bodies)), projection, radar_forward_m, out)
     return out
 
 
 @kernel
-def _mask(owner, x, y, p, out):  # type: ignore[no-untyped-def]
-    used, before = 0, -1
+def _mask(bodies, p, radar_forward_m, out):  # type: ignore[no-untyped-def]
+    owner, used, before = bodies.owner, 0, -1
     for b in range(len(owner)):
         i = owner[b]
         used = 0 if i != before else used
         before = i
-        if used >= BODIES or not (NEAREST_M < x[b] < FURTHEST_M and abs(y[b]) < ASIDE_M):
+        x, y = bodies.x_m[b], bodies.y_m[b]
+        if used >= BODIES or not (NEAREST_M < x < FURTHEST_M and abs(y) < ASIDE_M):
             continue
-        # The nearest point of a body well aside is its inner corner. Of one straight ahead it is somewhere on
-        # its rear, and of one between, which may be changing lanes and stand askew, either corner.
-        left, right = BODY_WIDTH_M, BODY_WIDTH_M
-        if abs(y[b]) < STRAIGHT_AHEAD_M:
-            left, right = 0.5 * BODY_WIDTH_M, 0.5 * BODY_WIDTH_M
-        elif y[b] > WELL_ASIDE_M:
-            right = MARGIN_M
-        elif y[b] < -WELL_ASIDE_M:
-            left = MARGIN_M
-        low, high = y[b] - right, y[b] + left
-        first, last = math.inf, -math.inf
-        column, foot, depth = image_from_vehicle(x[b], y[b], 0.0, p)
+        column, foot, depth = image_from_vehicle(x, y, 0.0, p)
         if depth <= 0.0:
             continue
         out[i, used, POINT], out[i, used, SCALE] = column, p.focal / depth
-        out[i, used, FAR] = x[b] / (x[b] + BODY_LENGTH_M)
+        out[i, used, FAR] = x / (x + BODY_LENGTH_M)
+        left, right = _extent(x - radar_forward_m, y, bodies.course_rad[b], bodies.course_std_rad[b])
+        drift = BODY_LENGTH_M * math.sin(bodies.course_rad[b])  # of its front to the side
+        first, last = math.inf, -math.inf
         for end in range(2):
             for side in range(2):
-                aside = low if side == 0 else high
-                column, _, depth = image_from_vehicle(x[b] + end * BODY_LENGTH_M, aside, 0.0, p)
+                aside = y + end * drift + (left if side == 0 else -right)
+                column, _, depth = image_from_vehicle(x + end * BODY_LENGTH_M, aside, 0.0, p)
                 if depth > 0.0:
                     first, last = min(first, column), max(last, column)
         out[i, used, FOOT], out[i, used, FIRST], out[i, used, LAST] = foot, first, last
         used += 1
+
+
+@kernel
+def _extent(x, y, course, course_std):  # type: ignore[no-untyped-def]
+    """(left, right) how far a body extends to either side of its point (x, y) nearest to the radar, in m.
+
+    A body whose own axis passes the radar by is nearest with its inner corner, and one that heads straight
+    away from it somewhere on its rear. Of one between, whose course is not known well enough, it is either
+    corner.
+    """
+    beside = y * math.cos(course) - x * math.sin(course)  # of the radar's own line along the course
+    sure = min(STRAIGHT_AHEAD_M + abs(x) * course_std, WELL_ASIDE_M)
+    if abs(beside) < STRAIGHT_AHEAD_M:
+        return 0.5 * BODY_WIDTH_M, 0.5 * BODY_WIDTH_M
+    if beside > sure:
+        return BODY_WIDTH_M, MARGIN_M
+    if beside < -sure:
+        return MARGIN_M, BODY_WIDTH_M
+    return BODY_WIDTH_M, BODY_WIDTH_M
 
 
 @kernel
@@ -156,11 +171,16 @@ def without_hidden(ridge, count, y, hidden):  # type: ignore[no-untyped-def]
     """Drop the ridges (count, 2) of row y whose column a body hides; how many are left."""
     kept = 0
     for c in range(count):
-        column, seen = ridge[c, 0], True
-        for b in range(hidden.shape[0]):
-            if y >= hidden[b, FOOT] and hidden[b, FIRST] <= column <= hidden[b, LAST]:
-                seen = False
-        if seen:
-            ridge[kept, 0], ridge[kept, 1] = column, ridge[c, 1]
+        if not is_hidden(ridge[c, 0], y, hidden):
+            ridge[kept, 0], ridge[kept, 1] = ridge[c, 0], ridge[c, 1]
             kept += 1
     return kept
+
+
+@kernel
+def is_hidden(column, y, hidden):  # type: ignore[no-untyped-def]
+    """Whether a body hides the road at a column of row y."""
+    for b in range(hidden.shape[0]):
+        if y >= hidden[b, FOOT] and hidden[b, FIRST] <= column <= hidden[b, LAST]:
+            return True
+    return False
