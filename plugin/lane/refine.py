@@ -126,11 +126,11 @@ class Tuning(NamedTuple):
     start_heading_std: float = 0.02
     jump_m: float = 0.5
     jump_rad: float = 0.03
-    proven_frames: int = 10  # with both borders, from which on a lane is believed against another look
+    proven_frames: int = 10  # with both borders, from which on a lane is sure
     rival_m: float = 0.3  # by so much, and `gate` standard deviations, such a look may differ
     rival_rad: float = 0.015
     rival_width_m: float = 0.4
-    rival_looks: int = 5  # in which a lane that differs must be the same to be believed
+    rival_looks: int = 5  # in which a lane that differs must be the same to be believed, at most
     odd_looks: int = 20  # and one of odd width against one of a usual width
     yaw_rate_std: float = 0.003  # of the own yaw rate as a measurement
     usual_turn: float = 0.02  # rad/s against the lane: the more of it, the less a lane found anew counts

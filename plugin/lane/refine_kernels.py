@@ -201,9 +201,11 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
             aside = abs(abs(room.x[OFFSET] - x[OFFSET]) - x[WIDTH])
             beside = misses == 0 and aside < NEXT_LANE_M  # the same lines, taken for those of the next lane
             better = fresh > least and not beside
-            if better and proven and contradicts(room.x, x, P, t):
-                odder = not odd_width and not of_usual_width(room.x, t)
-                better = prove(rival, room.x, x, t.odd_looks if odder else t.rival_looks, t)
+            odder = not odd_width and not of_usual_width(room.x, t)
+            # the younger a lane, the fewer looks it stands against
+            looks = min(t.odd_looks if odder else t.rival_looks, proof // 2)
+            if better and looks > 0 and contradicts(room.x, x, P, t):
+                better = prove(rival, room.x, x, looks, t)
                 if better:
                     proof = 0
             else:

@@ -49,15 +49,15 @@ def test_a_rival_must_be_the_same_lane_in_one_look_after_the_other():
     assert one[rival.LOOKS] == 1.0
 
 
-def estimates(elsewhere_frames, frames):
+def estimates(elsewhere_frames, frames, first=30):
     """(frames, 3, 2) offset and heading of 3 cars in mid-lane whose cameras then show another pose: from
-    frame 30 on, for so long."""
+    frame `first` on, for so long."""
     n, drive = 3, Drive(3)
     state, rows = init(n), []
     for k in range(frames):
-        out = 30 <= k < 30 + elsewhere_frames
+        out = first <= k < first + elsewhere_frames
         heading = TURNED_RAD if out else 0.0
-        offset = ASIDE_M + drive.speed * 0.1 * (k - 30) * TURNED_RAD if out else 0.0
+        offset = ASIDE_M + drive.speed * 0.1 * (k - first) * TURNED_RAD if out else 0.0
         drive.frame(np.full(n, offset), np.full(n, heading))
         state, lane = step(
             drive.frames, None, None, state, projection(CAMERA), np.full(n, drive.speed), NO_SLIP
@@ -71,6 +71,12 @@ def test_lines_elsewhere_for_a_moment_are_not_believed():
     assert np.abs(rows[30:34, :, 0]).max() < 0.2
     assert np.abs(rows[30:34, :, 1]).max() < 0.5 * TURNED_RAD  # nearer to what it was
     assert np.abs(rows[36:, :, 0]).max() < 0.05
+
+
+def test_a_lane_followed_for_a_moment_is_believed_against_one_look():
+    rows = estimates(elsewhere_frames=3, frames=20, first=8)
+    assert np.abs(rows[8:11, :, 0]).max() < 0.2
+    assert np.abs(rows[13:, :, 0]).max() < 0.05
 
 
 def test_lines_that_stay_elsewhere_are_believed():
