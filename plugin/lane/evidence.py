@@ -7,6 +7,7 @@ from plugin.lane.ridge import road_noise
 from plugin.lane.road_model import HEADING, KNOT, LEFT, OFFSET, PITCH, RIGHT, WIDTH
 from sumo_net.compile import kernel
 
+LEAST_JUDGED = 6  # rows in which a line must be in view for what is found of it to tell anything
 NEIGHBOUR_DIFFERENCE = 2.0 / math.sqrt(math.pi)  # mean |a - b| of two normal draws of deviation 1
 
 
@@ -100,4 +101,4 @@ def share_of_paint(side, work):  # type: ignore[no-untyped-def]
             expected += 1
             if work.ridges[side, r] > 0 and odds_of_paint(work.ridge[side, r, 0, 1]) > 1.0:
                 found += 1
-    return found / expected if expected >= 6 else -1.0
+    return found / expected if expected >= LEAST_JUDGED else -1.0

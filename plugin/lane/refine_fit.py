@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plugin.lane.body import body_ahead
-from plugin.lane.hidden import BODIES, COLUMNS, without_hidden
+from plugin.lane.hidden import BODIES, COLUMNS, is_hidden, without_hidden
 from plugin.lane.ridge import BUFFER_PX, candidates
 from plugin.lane.road_model import (
     HEADING,
@@ -56,7 +56,7 @@ class Work(NamedTuple):
     area: Array
     ridge: Array  # (LINES, rows, CANDIDATES, 2) centre, response
     ridges: Array  # (LINES, rows) int64 how many
-    expected: Array  # (LINES, rows) bool: a marking there would be in the image
+    expected: Array  # (LINES, rows) bool: a marking there would be seen
     spread: Array  # (rows,) standard deviation of the predicted borders, columns
     aside: Array  # (LINES,) variance of what a line's place has beyond that
     found: Array  # (LINES, rows) bool: and was seen where the model says
@@ -240,6 +240,9 @@ def gather(frame, rows, t, noise, work):  # type: ignore[no-untyped-def]
             work.ridges[side, r] = 0
             work.found[side, r] = False
             visible = MARGIN_PX < column < width - 1 - MARGIN_PX  # False for NaN
+            if visible:
+                on_body = r >= behind and first <= column <= last
+                visible = not on_body and not is_hidden(column, rows[r], work.hidden)
             work.expected[side, r] = visible
             half = (
                 min(

@@ -5,7 +5,15 @@ import math
 import numpy as np
 
 from plugin.lane.bends import seek_bends
-from plugin.lane.evidence import of_usual_width, pixel_noise, plausible, share_of_paint, side_seen, support_of
+from plugin.lane.evidence import (
+    LEAST_JUDGED,
+    of_usual_width,
+    pixel_noise,
+    plausible,
+    share_of_paint,
+    side_seen,
+    support_of,
+)
 from plugin.lane.hidden import outline
 from plugin.lane.lane_motion import predict, shift_lane
 from plugin.lane.lane_start import start
@@ -66,6 +74,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
         copy_matrix(hidden[i], work.hidden)
         outline(frames[i], work.hidden, p)
         seen_left, seen_right = False, False
+        expected_left, expected_right = LEAST_JUDGED, LEAST_JUDGED
         copy_vector(old.share[i], new.share[i])
         copy_vector(old.beside[i], new.beside[i])
         if status == SEARCHING:
@@ -146,7 +155,8 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                     share = found / max(expected, 1)
                     new.found[i, side] = share
                     usual = new.share[i, side]
-                    new.share[i, side] = usual + (0.3 if share > usual else 0.02) * (share - usual)
+                    if expected >= LEAST_JUDGED:
+                        new.share[i, side] = usual + (0.3 if share > usual else 0.02) * (share - usual)
                 confirm = t.confirm_frames if of_usual_width(x, t) else t.odd_confirm_frames
                 if status == TENTATIVE and seen_left and seen_right and age >= confirm:
                     status = LOCKED
@@ -162,8 +172,10 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
         seen_m = farthest_found(rows, x, p, work) if seen_left or seen_right else 0.0
         doubtful = np.bool_(False)
         for side in range(2):
+            in_view = expected_left if side == LEFT else expected_right
             seen_lately = max(new.found[i, side], old.found[i, side])
-            doubtful = doubtful or seen_lately < 0.6 * new.share[i, side]
+            if in_view >= LEAST_JUDGED:
+                doubtful = doubtful or seen_lately < 0.6 * new.share[i, side]
         odd = doubtful and status != SEARCHING and contradicted(x, phase, speed[i], yaw_rate[i], t.odd_turn)
         if odd:
             proof = max(min(proof, t.proven_frames + t.odd_frames) - 1, 0)

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from camera_synth.camera import Camera, image_from_vehicle, projection
 from plugin.lane import lane_motion, refine, refine_fit, road_model
+from plugin.lane.hidden import nothing_hidden
 from plugin.lane.refine import Refine, init, needs_search, step
 from sumo_net.batch import join, select
 
@@ -224,6 +225,26 @@ def test_a_lane_that_vanishes_is_given_up_and_found_again():
     assert all(locked[:10])
     assert not any(locked[17:25])
     assert all(locked[28:])
+
+
+def test_a_border_behind_a_body_raises_no_doubt():
+    """What is usually seen of it stays known, and the lane as well proven as it was."""
+    n, drive = 2, Drive(2)
+    state, hidden = init(n), nothing_hidden(n)
+    for k in range(40):
+        drive.frame(np.zeros(n), np.zeros(n))
+        if k == 20:
+            usual, proof = state.share[:, 1].copy(), state.proof.copy()
+            hidden[:, 0, :3] = -100.0, 160.0, 400.0  # foot, first and last column
+        # a yaw rate that no road and no line seen explains
+        yaw_rate = np.full(n, 0.0 if k < 20 else 0.05)
+        state, lane = step(
+            drive.frames, None, None, state, P, np.full(n, drive.speed), NO_SLIP, hidden, yaw_rate
+        )
+    assert not lane.right_border_seen.any()
+    assert lane.left_border_seen.all()
+    np.testing.assert_array_equal(state.share[:, 1], usual)
+    assert (state.proof >= proof).all()
 
 
 def test_standstill_is_fine():
