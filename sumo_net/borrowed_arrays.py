@@ -2,7 +2,7 @@
 
 numba counts one more for every array that is taken from a NamedTuple, sliced or handed on, and one less when
 that is done with: locked additions, for which all threads wait. A kernel that neither makes arrays nor gives
-any back can do without. Only what other kernels call is compiled so.
+any back can do without; its arguments cost less to hand over, too.
 """
 
 from typing import Any
