@@ -131,11 +131,13 @@ class Tracker:
     def join(self, *states: TrackerState) -> TrackerState:
         """The state of one fleet after that of the other, whose vehicles follow its own."""
         vehicles, filtered, moved = 0, 0, []
+        followed = [state for state in states if len(state.rows)] or list(states[:1])
+        filters = [select(state.filter, slice(_used(state))) for state in followed]
         for state in states:
             tracks = state.tracks._replace(owner=state.tracks.owner + vehicles)
-            moved.append(state._replace(tracks=tracks, rows=state.rows + filtered))
-            vehicles, filtered = vehicles + len(state.next_id), filtered + len(state.filter[0])
-        return join(*moved)
+            moved.append(state._replace(tracks=tracks, filter=(), rows=state.rows + filtered))
+            vehicles, filtered = vehicles + len(state.next_id), filtered + _used(state)
+        return join(*moved)._replace(filter=join(*filters))
 
     def step(
         self, state: TrackerState, detections: Detections, ego: EgoMotion, dt_s: Array | float
@@ -235,6 +237,11 @@ class Tracker:
             filter=self._filter.restart(state.filter, lost),
             tracks=tracks._replace(restarts=tracks.restarts + lost),
         )
+
+
+def _used(state: TrackerState) -> int:
+    """How many of the filter's states, the first ones, hold all that are any track's."""
+    return int(state.rows.max()) + 1 if len(state.rows) else 0
 
 
 def _listed(state: TrackerState, detection: Array, estimate: Estimate) -> TrackList:

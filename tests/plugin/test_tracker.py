@@ -272,6 +272,23 @@ def test_parts_of_a_fleet_are_tracked_like_the_whole(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FILTERS)
+def test_vehicles_without_tracks_join_without_a_copy(name: str) -> None:
+    """Covariances are large, and vehicles come in every other step."""
+    tracker = Tracker(TrackerSettings(filter=name))
+    seen = detections([(50.0, 0.0, 0.0), (80.0, 0.0, 0.1)])
+    state, _ = tracker.step(tracker.init(1), seen, at_rest(1), 0.1)
+    joined = tracker.join(tracker.init(2), state, tracker.init(1))
+    assert np.shares_memory(joined.filter.P, state.filter.P)
+    _, alone = tracker.step(state, seen, at_rest(1), 0.1)
+    _, among = tracker.step(joined, seen._replace(owner=seen.owner + 2), at_rest(4), 0.1)
+    np.testing.assert_array_equal(among.owner, alone.owner + 2)
+    np.testing.assert_array_equal(among.estimate, alone.estimate)
+    nobody = tracker.join(tracker.init(1), tracker.init(1))
+    _, begun = tracker.step(nobody, seen, at_rest(2), 0.1)
+    assert len(begun.owner) == 2
+
+
+@pytest.mark.parametrize("name", FILTERS)
 def test_a_track_whose_numbers_are_lost_for_good_ends(name: str) -> None:
     tracker = Tracker(TrackerSettings(filter=name))
     seen = detections([(50.0, 0.0, 0.0), (80.0, 0.0, 0.1)])
