@@ -94,7 +94,7 @@ class DriverAssistance:
         self._chain = Chain(configuration, seed, self._roads, compare_paper)
         self._names: dict[int, str] = {}  # of the equipped, those that left lately among them
         self._fleet = Fleet(self._chain, self._names.__getitem__, threads)
-        self.recorder = Recorder(run_id, out, formats)
+        self.recorder = Recorder(run_id, out, formats, aside=out is not None)
         if out is not None:
             capture.clear(out / capture.FRAMES)
             write_configuration(out, configuration, run_id, scenario, compare_paper)

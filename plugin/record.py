@@ -41,7 +41,7 @@ _ARROW = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": 
 
 
 class Recorder:
-    """Collects the chunks of every table and writes them as they come, in a thread of its own.
+    """Collects the chunks of every table and writes them as they come, so that memory stays flat.
 
     Parameters
     ----------
@@ -49,6 +49,7 @@ class Recorder:
     directory : where the files go; None keeps the tables in memory.
     formats : any of "csv", "parquet".
     tables : the schema, by default that of `plugin.schema`.
+    aside : write in a thread of its own; text and compression do not hold the GIL. `flush` waits for it.
     """
 
     def __init__(
@@ -57,13 +58,14 @@ class Recorder:
         directory: Path | None = None,
         formats: Iterable[str] = ("csv",),
         tables: Mapping[str, tuple[Column, ...]] = TABLES,
+        aside: bool = False,
     ) -> None:
         self.run_id = run_id
         self.directory = directory
         self._schema = tables
         self._memory: dict[str, list[pa.Table]] = {name: [] for name in tables}
         self._writers: dict[str, list[_CsvFile | _ParquetFile]] = {name: [] for name in tables}
-        self._thread = ThreadPoolExecutor(1, "tables")  # text and compression do not hold the GIL
+        self._thread = ThreadPoolExecutor(1, "tables") if aside else None
         self._waiting: deque[Future[None]] = deque()
         if directory is not None:
             directory.mkdir(parents=True, exist_ok=True)
@@ -86,7 +88,7 @@ class Recorder:
         """Add rows to table `name`; `columns` maps column names to equally long arrays.
 
         A column that is missing is left empty. NaN in a float column is written as empty. The arrays must not
-        change afterwards. Raises OSError as `flush` does, also for rows appended earlier.
+        change afterwards. Raises OSError as `flush` does; aside, also for rows appended earlier.
         """
         table = self._to_arrow(name, columns)
         if table.num_rows == 0:
@@ -94,7 +96,10 @@ class Recorder:
         if self.directory is None:
             self._memory[name].append(table)
         for writer in self._writers[name]:
-            self._waiting.append(self._thread.submit(writer.write, table))
+            if self._thread is None:
+                writer.write(table)
+            else:
+                self._waiting.append(self._thread.submit(writer.write, table))
         self.flush(MOST_WAITING)
 
     def flush(self, waiting: int = 0) -> None:
@@ -119,7 +124,8 @@ class Recorder:
             for writers in self._writers.values():
                 for writer in writers:
                     every.callback(writer.close)
-            every.callback(self._thread.shutdown)
+            if self._thread is not None:
+                every.callback(self._thread.shutdown)
             every.callback(self.flush)  # the last is called first
 
     def _to_arrow(self, name: str, columns: Mapping[str, Any]) -> pa.Table:

@@ -168,7 +168,6 @@ def test_killed_parquet_run_keeps_its_parts(tmp_path: Path) -> None:
     recorder = Recorder("made-1", tmp_path / "killed", ("parquet",))
     rows = steps.head(50).drop(columns="run_id").dropna(axis=1)
     recorder.append("steps", {name: rows[name].tolist() for name in rows})
-    recorder.flush()
     assert kind_of(tmp_path / "killed") == "run"  # and the recorder is never closed
     run = read_run(tmp_path / "killed")
     assert len(run["steps"]) == 50

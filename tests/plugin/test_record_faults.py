@@ -38,13 +38,15 @@ def _schema(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("plugin.record.TABLES", SCHEMA)
 
 
+@pytest.mark.parametrize("aside", [False, True])
 @pytest.mark.parametrize("form", ["csv", "parquet"])
-def test_what_was_flushed_is_there_without_a_close(tmp_path: Path, form: str) -> None:
-    recorder = Recorder("r", tmp_path, (form,), SCHEMA)
+def test_what_was_written_is_there_without_a_close(tmp_path: Path, form: str, aside: bool) -> None:
+    recorder = Recorder("r", tmp_path, (form,), SCHEMA, aside)
     assert times(tmp_path) == []
     for k in range(3):
         recorder.append("steps", block(k))
-        recorder.flush()
+        if aside:
+            recorder.flush()
         assert len(times(tmp_path)) == (k + 1) * ROWS
     before = read_table(tmp_path, "steps")
     recorder.close()
@@ -57,7 +59,6 @@ def test_a_killed_parquet_run_leaves_whole_files(tmp_path: Path) -> None:
     recorder = Recorder("r", tmp_path, ("parquet",), SCHEMA)
     recorder.append("steps", block(0))
     recorder.append("steps", block(1))
-    recorder.flush()
     parts = tmp_path / "steps.parquet.parts"
     (parts / "unfinished").write_bytes(b"PAR1 cut sho")  # what a kill within a flush leaves
     assert len(times(tmp_path)) == 2 * ROWS
@@ -86,7 +87,6 @@ def fill(directory: Path, form: str) -> None:
             rows = block(k) | {"speed_mps": generator.normal(size=ROWS)}
             for name in SCHEMA:
                 recorder.append(name, rows)
-            recorder.flush()
             written += 1
     except OSError as error:
         print(written, error)
@@ -120,7 +120,8 @@ def test_on_a_full_disk_the_blocks_before_are_whole(tmp_path: Path, form: str) -
 def test_a_failure_is_told_with_the_next_rows_or_at_the_end(tmp_path: Path) -> None:
     for again in (True, False):
         busy = threading.Event()
-        recorder = Recorder("r", tmp_path, ("csv",), SCHEMA)
+        recorder = Recorder("r", tmp_path, ("csv",), SCHEMA, aside=True)
+        assert recorder._thread is not None
         (writer,) = recorder._writers["steps"]
         writer._file.close()  # type: ignore[union-attr]
         writer._file = (tmp_path / "steps.csv").open("rb", buffering=0)  # type: ignore[union-attr]
@@ -142,7 +143,7 @@ def test_killed_at_a_random_moment_every_table_reads(tmp_path: Path) -> None:
     code = "import plugin.record, sys; from tests.plugin import test_record_faults as t\n"
     code += "from pathlib import Path\nplugin.record.TABLES = t.SCHEMA\n"
     code += "r = plugin.record.Recorder('r', Path(sys.argv[1]),"
-    code += " ('csv', 'parquet'), t.SCHEMA)\nfor k in range(10**6):\n"
+    code += " ('csv', 'parquet'), t.SCHEMA, True)\nfor k in range(10**6):\n"
     code += "    [r.append(name, t.block(k)) for name in t.SCHEMA]\n    r.flush()\n    print(k, flush=True)"
     process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
