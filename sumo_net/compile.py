@@ -4,7 +4,8 @@ Kernels take arrays over the fleet, as plain arrays or as NamedTuples of arrays,
 vehicles inside. Threads, where they help, each get a slice of the fleet.
 
 The cache is beside the code, or, where that cannot be written, in the user's own cache folder. It is never a
-reason to fail: what is broken in it is compiled anew, and so is what calls a kernel that has changed.
+reason to fail: what is broken in it is compiled anew, and so is what calls a kernel that has changed, and
+everything where the way of compiling has.
 
 A kernel that another one calls is compiled into it, so there it is compiled without a way in from Python and
 is not kept on disk by itself (`inner_compiler`).
@@ -17,6 +18,7 @@ import contextlib
 import functools
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
@@ -45,6 +47,11 @@ if _numba.CPU_FEATURES is None:  # NUMBA_CPU_FEATURES is the user's
     _features = codegen.get_host_cpu_features()
     if _SINCE_ICE_LAKE in _features.split(","):
         _numba.CPU_FEATURES = f"{_features},-prefer-256-bit"
+
+_COMPILED_BY = tuple(
+    stamp(str(Path(__file__).with_name(f"{name}.py")))
+    for name in ("compile", "inner_compiler", "borrowed_arrays")
+)
 
 KERNELS: list[Any] = []  # those of all modules that were imported
 
@@ -107,7 +114,7 @@ class _Cache(FunctionCache):
         return IndexDataCacheFile(
             self._cache_path,
             self._impl.filename_base,
-            (self._stamp, parts(self._py_func)),
+            (self._stamp, parts(self._py_func), _COMPILED_BY),
         )
 
     def begun(self) -> bool:

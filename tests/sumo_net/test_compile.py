@@ -56,6 +56,18 @@ def test_a_broken_cache_is_made_anew(tmp_path: Path) -> None:
             assert server.result(use, tmp_path) == (right, 1), (suffix, spoil)
 
 
+def use_as_compiled_otherwise(folder: Path) -> tuple[list[float], int]:
+    compiling._COMPILED_BY = ((0.0, 0),)
+    return use(folder)
+
+
+def test_what_was_compiled_in_another_way_is_compiled_anew(tmp_path: Path) -> None:
+    (tmp_path / "doubling.py").write_text(MODULE)
+    with ForkServer(("sumo_net.compile",)) as server:
+        hits = [server.result(way, tmp_path)[1] for way in (use, use, use_as_compiled_otherwise)]
+    assert hits == [0, 1, 0]
+
+
 def test_without_any_folder_to_write_it_compiles_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise RuntimeError("cannot cache function 'double': no locator available")
