@@ -175,6 +175,21 @@ def own_drive() -> None:
     path_leaders(truth, bodies, table, vehicle.bumper_m)
 
 
+def surroundings() -> None:
+    """Compile what road is ahead of the equipped vehicles, who is around them, and who drives ahead."""
+    from plugin.conflicts import LaneOrder
+    from sumo_net.road_kernels import ahead
+    from sumo_net.road_store import RoadStore
+    from sumo_net.surroundings import objects_around
+
+    no, one, at = np.zeros(0), np.zeros(1, np.int64), _snapshot(1)
+    ahead(RoadStore().table, np.zeros(0, np.int32), no, no, no)
+    pose: Any = SimpleNamespace(handle=one, x_m=at.x_m, y_m=at.y_m, heading_rad=at.heading_rad)
+    objects_around(pose, at)
+    graph: Any = SimpleNamespace(lanes={})
+    LaneOrder(graph, ["lane"], lambda _: ()).leaders(at, one)
+
+
 def _snapshot(n: int) -> Any:
     from sumo_net.snapshot import Snapshot
 
@@ -183,4 +198,4 @@ def _snapshot(n: int) -> Any:
 
 
 # the longest first, so that neither process waits long for the other's last
-PARTS = (lane, picture, motion, own_drive, tracks, leaders, scans, search, borders)
+PARTS = (lane, picture, motion, own_drive, tracks, leaders, scans, surroundings, search, borders)

@@ -25,7 +25,7 @@ from plugin.tracking import (
 )
 from plugin.warning import collision_kernels, departure_kernels, tlc_kernels
 from radar_synth import degrade_kernels, visibility_kernels
-from sumo_net import ego_kernels, ego_road_kernels
+from sumo_net import ego_kernels, ego_road_kernels, road_kernels, surroundings_kernels
 
 KERNELS = {
     "lane": [refine_kernels.step_kernel, refine_kernels.columns_kernel, refine_kernels.parabola_kernel],
@@ -46,6 +46,7 @@ KERNELS = {
     ],
     "leaders": [closing_kernels.follow, collision_kernels.warn, rear_kernels.look_fleet],
     "scans": [visibility_kernels.gather, visibility_kernels.look, degrade_kernels.measure],
+    "surroundings": [road_kernels.ahead, surroundings_kernels.around, conflict_kernels.lane_leaders],
     "motion": [
         filter_kernels.step,
         prediction_kernels.single_track,
