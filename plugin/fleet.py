@@ -40,10 +40,8 @@ class Fleet:
             return
         new = handle[~np.isin(handle, have, assume_unique=True)]
         fresh = self._chain.init(new, [self._name(one) for one in new.tolist()])
-        parts, cuts = (
-            self._parts,
-            np.searchsorted(handle, [part.vehicles.handle[0] for part in self._parts[1:]]),
-        )
+        parts = self._parts
+        cuts = np.searchsorted(handle, [part.vehicles.handle[0] for part in parts[1:]])
         count = max(1, min(self._threads, len(handle) // LEAST_PART))
         sizes = np.diff(cuts, prepend=0, append=len(handle))
         if len(parts) != count or sizes.max() - sizes.min() > len(handle) * UNEVEN:

@@ -17,7 +17,15 @@ class Reader(NamedTuple):
 _ASKED = ("Position", "Angle", "Speed", "LaneID", "LanePosition")
 
 
-def by_getters(vehicle: Any, compiled: Any = None) -> Reader:
+def reader_of(simulation: Any, tc: Any) -> Reader:
+    """What suits the module libsumo, or traci or one of its connections. `tc` is traci.constants."""
+    if getattr(simulation, "__name__", "") == "libsumo":
+        # None where a release has its extension module elsewhere
+        return by_getters(simulation.vehicle, getattr(getattr(simulation, "libsumo", None), "_libsumo", None))
+    return by_subscription(simulation.vehicle, tc)
+
+
+def by_getters(vehicle: Any, compiled: Any) -> Reader:
     """For libsumo, where a value costs 0.15 µs and subscriptions cost more.
 
     compiled: libsumo's extension module, whose functions are asked without the Python ones around them, which

@@ -71,11 +71,7 @@ class Traffic:
         self._bodies = np.zeros((256, 3))  # by handle: length, width, height
         self._numbers: dict[str, int] = {}  # of the vehicles that are not gone
         self._routes: dict[int, tuple[str, int, tuple[str, ...]]] = {}
-        self._reader = (
-            columns.by_getters(simulation.vehicle, _compiled(simulation))
-            if _in_process(simulation)
-            else columns.by_subscription(simulation.vehicle, traci.constants)
-        )
+        self._reader = columns.reader_of(simulation, traci.constants)
 
     # --- beginning and end
 
@@ -368,15 +364,6 @@ class Traffic:
                     number[lane] = len(self.lane_ids)
                     self.lane_ids.append(lane)
             return self._lane_indices(lanes)
-
-
-def _in_process(simulation: Any) -> bool:
-    return getattr(simulation, "__name__", "") == "libsumo"
-
-
-def _compiled(libsumo: Any) -> Any:
-    """The extension module under libsumo's Python functions; None where a release has it elsewhere."""
-    return getattr(getattr(libsumo, "libsumo", None), "_libsumo", None)
 
 
 def _start_libsumo(arguments: Sequence[str]) -> Any:
