@@ -110,7 +110,7 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
         (ranging.Ranging, "step", "radar"),
         (Tracker, "step", "track"),
         (collision, "step", "warn rear end"),
-        (RearEndScorer, "add", "tables"),
+        *((RearEndScorer, name, "tables") for name in ("leaders", "judge", "add")),
         (RearEndScorer, "settle", "tables"),
         (prediction, "predict", "predict"),
         (chain, "time_to_lane_crossing", "warn"),

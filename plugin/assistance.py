@@ -9,7 +9,7 @@ import pandas as pd
 
 from plugin import capture, rear_end, step_columns
 from plugin.capture import Capture, Look, Watch
-from plugin.chain import Chain, Moment
+from plugin.chain import Chain, Moment, Outcome
 from plugin.configuration import Configuration, configuration_from, versions, write_configuration
 from plugin.fleet import Fleet
 from plugin.reaction import Listeners
@@ -255,7 +255,13 @@ class DriverAssistance:
         return np.asarray(self._equipped[snapshot.handle])
 
     def _drive(self, snapshot: Snapshot, truth: EgoTruth, half_span_m: Array) -> None:
-        time_s, outcomes = self._traffic.time_s, self._fleet.step(truth, half_span_m, snapshot)
+        time_s, leader = self._traffic.time_s, self._rear_end.leaders(snapshot, truth.handle)
+
+        def judge(part: slice, outcome: Outcome) -> rear_end.Judged:
+            return self._rear_end.judge(outcome.truth, outcome.echo, leader.handle[part])
+
+        done = self._fleet.step(truth, half_span_m, snapshot, judge)
+        outcomes = [outcome for outcome, _ in done]
         departing = join(*(one.warning for one in outcomes))
         closing = join(*(one.echo.warning for one in outcomes))
         self._alerted = self._listeners.of(truth.handle, departing.side != 0)
@@ -263,7 +269,7 @@ class DriverAssistance:
         self._incidents.look_ahead(braking, self.configuration.reaction.rear_end_s)
         columns = step_columns.of_time(self._steps, time_s, truth.handle)
         columns |= step_columns.join(*(one.columns for one in outcomes))
-        columns |= self._rear_end.add(snapshot, truth, [(one.truth, one.echo) for one in outcomes])
+        columns |= self._rear_end.add(truth, leader, [(one.echo, judged) for one, judged in done])
         self._scorer.add(columns)
         moments = [one.moment for one in outcomes]
         self.latest = Latest(time_s, truth.handle, departing.code, closing.code, columns, moments)

@@ -1,9 +1,10 @@
 """The chains of the whole equipped fleet: vehicles come and go, and threads share the work."""
 
+import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from sumo_net.ego import EgoTruth
 from sumo_net.snapshot import Snapshot
 
 Array = np.ndarray[Any, Any]
+J = TypeVar("J")
 
 UNEVEN = 1 / 32  # of the fleet; parts that differ by more are made anew, which copies all that is known
 LEAST_PART = 16  # vehicles in the hands of a thread: what its calls cost is spread over them
@@ -63,17 +65,28 @@ class Fleet:
         order = np.argsort(have)
         return self._chain.select(part, order[np.searchsorted(have[order], handle)])
 
-    def step(self, truth: EgoTruth, half_span_m: Array, snapshot: Snapshot) -> list[Outcome]:
-        """One step of its n > 0 vehicles: what came of it, part by part."""
-        work, begin = [], 0
-        for state in self._parts:
-            part = slice(begin, begin + len(state.vehicles.handle))
-            work.append((state, select(truth, part), half_span_m[part], snapshot))
-            begin = part.stop
-        run = self._pool.map if self._pool is not None and len(work) > 1 else map
-        done = list(run(lambda one: self._chain.step(*one), work))
-        self._parts = [after for after, _ in done]
-        return [outcome for _, outcome in done]
+    def step(
+        self,
+        truth: EgoTruth,
+        half_span_m: Array,
+        snapshot: Snapshot,
+        judge: Callable[[slice, Outcome], J],
+    ) -> list[tuple[Outcome, J]]:
+        """One step of its n > 0 vehicles: what came of it, part by part.
+
+        `judge` is given the vehicles of a part and what came of it, by the thread that has worked on it.
+        """
+
+        def work(state: ChainState, part: slice) -> tuple[ChainState, Outcome, J]:
+            after, outcome = self._chain.step(state, select(truth, part), half_span_m[part], snapshot)
+            return after, outcome, judge(part, outcome)
+
+        ends = np.cumsum([len(state.vehicles.handle) for state in self._parts]).tolist()
+        slices = [slice(begin, end) for begin, end in itertools.pairwise([0, *ends])]
+        run = self._pool.map if self._pool is not None and len(slices) > 1 else map
+        done = list(run(work, self._parts, slices))
+        self._parts = [after for after, _, _ in done]
+        return [(outcome, judged) for _, outcome, judged in done]
 
     def close(self) -> None:
         """End the threads."""

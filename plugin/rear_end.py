@@ -1,7 +1,7 @@
 """Rear-end warnings and radar tracks against truth."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from plugin.conflicts import ConflictBook, LaneOrder, Leaders, in_view, path_lea
 from plugin.ranging import Echo
 from plugin.record import Recorder
 from plugin.schema import TABLES
-from plugin.track_truth import Rows, Step, TrackTruth
+from plugin.track_truth import Followed, Rows, Step, TrackTruth
 from plugin.warning.collision import BUZZER, CODES
 from sumo_net.batch import join
 from sumo_net.ego import EgoTruth
@@ -21,6 +21,16 @@ from sumo_net.traffic import Traffic
 Array = np.ndarray[Any, Any]
 
 LABELS = {"fcw_state": CODES, "fcw_buzzer": BUZZER}
+
+
+class Judged(NamedTuple):
+    """What is true of one scan of a part of the fleet, n vehicles."""
+
+    by_place: Leaders  # by where they are
+    visible: Array  # (n,) bool: SUMO has the same leaders, and the radar could see them
+    followed: Followed
+    tracks: Step
+    rows: Rows | None  # of `tracks`, where it is recorded
 
 
 class RearEndScorer:
@@ -43,23 +53,37 @@ class RearEndScorer:
         self.conflicts = 0
         self.warnings = 0  # of the reminder level
 
-    def add(
-        self, snapshot: Snapshot, truth: EgoTruth, parts: Sequence[tuple[EgoTruth, Echo]]
-    ) -> dict[str, Array]:
-        """Take one step of n vehicles, echoes in parts; its columns of `steps`, with codes for LABELS."""
-        time, warning = self._traffic.time_s, join(*(echo.warning for _, echo in parts))
-        leader = self._order.leaders(snapshot, truth.handle, self._reach_m)
-        by_place, visible = self._by_place(parts, leader)
+    def leaders(self, snapshot: Snapshot, handle: Array) -> Leaders:
+        """Who drives ahead of n vehicles on SUMO's lanes."""
+        return self._order.leaders(snapshot, handle, self._reach_m)
+
+    def judge(self, truth: EgoTruth, echo: Echo, leader: Array) -> Judged:
+        """What is true of a part of the fleet, with the handles (n,) of its leaders on SUMO's lanes.
+
+        Parts may be judged at the same time. A neighbour that the vehicle turns towards is not yet in its
+        path.
+        """
+        by_place = path_leaders(truth, echo.objects, self._roads.table, self._bumper_m, self._overlap_m)
+        visible = in_view(echo.objects, echo.seen.share, leader) & (by_place.handle == leader)
+        followed, tracks = self._tracks.follow(truth, echo)
+        if not self._recording.tracks:
+            return Judged(by_place, visible, followed, tracks, None)
+        everything = self._scans % self._recording.roadside_every == 0
+        shown = tracks.tracks.confirmed if everything else tracks.tracks.confirmed & (tracks.target >= 0)
+        return Judged(by_place, visible, followed, tracks, tracks.of(shown))
+
+    def add(self, truth: EgoTruth, leader: Leaders, parts: Sequence[tuple[Echo, Judged]]) -> dict[str, Array]:
+        """Take one step of n vehicles, part by part; its columns of `steps`, with codes for LABELS."""
+        echoes, judged = zip(*parts, strict=True)
+        time, warning = self._traffic.time_s, join(*(echo.warning for echo in echoes))
+        by_place = join(*(one.by_place for one in judged))
+        visible = np.concatenate([one.visible for one in judged])
         self._book.add(
             time, truth.handle, leader, by_place, visible, truth.speed_mps, warning.level, warning.ttc_s
         )
-        steps = self._tracks.step(parts)
-        self._latest = time, steps
-        if self._recording.tracks:
-            everything = self._scans % self._recording.roadside_every == 0
-            for step in steps:
-                shown = step.tracks.confirmed
-                self._pending.append((time, step.of(shown if everything else shown & (step.target >= 0))))
+        self._tracks.keep(one.followed for one in judged)
+        self._latest = time, [one.tracks for one in judged]
+        self._pending += [(time, one.rows) for one in judged if one.rows is not None]
         self._scans += 1
         return {
             "fcw_state": warning.code,
@@ -77,23 +101,8 @@ class RearEndScorer:
             "true_gap_m": leader.gap_m,
             "true_ttc_s": leader.ttc_s,
             "true_leader_visible": visible,
-            "fcw_track_ttc_s": np.concatenate([echo.track_ttc_s for _, echo in parts]),
+            "fcw_track_ttc_s": np.concatenate([echo.track_ttc_s for echo in echoes]),
         }
-
-    def _by_place(self, parts: Sequence[tuple[EgoTruth, Echo]], leader: Leaders) -> tuple[Leaders, Array]:
-        """The leaders by where they are, and whether SUMO has the same and the radar could see them.
-
-        A neighbour that the vehicle turns towards is not yet in its path.
-        """
-        table, found, seen = self._roads.table, [], []
-        begin = 0
-        for truth, echo in parts:
-            target = leader.handle[begin : begin + len(truth.handle)]
-            begin += len(target)
-            found.append(path_leaders(truth, echo.objects, table, self._bumper_m, self._overlap_m))
-            seen.append(in_view(echo.objects, echo.seen.share, target))
-        by_place = join(*found)
-        return by_place, np.concatenate(seen) & (by_place.handle == leader.handle)
 
     def latest_of(self, handle: int) -> dict[str, Any]:
         """Rows of `tracks` of a vehicle in the last step, also of tracks that are not recorded."""

@@ -1,6 +1,6 @@
 """What truly is behind each radar track: the rows of the table `tracks`. Scoring, not for the driver."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,13 +83,8 @@ class TrackTruth:
         self._options, self._name = options, name
         self._before = Followed(*(np.zeros(0, np.int64),) * 2, true_class=np.zeros(0, np.int8))
 
-    def step(self, parts: Sequence[tuple[EgoTruth, Echo]]) -> list[Step]:
-        """What is true of all tracks after a scan of the fleet, part by part, in the order of handles."""
-        followed, steps = zip(*(self._follow(truth, echo) for truth, echo in parts), strict=True)
-        self._before = join(*followed)
-        return list(steps)
-
-    def _follow(self, truth: EgoTruth, echo: Echo) -> tuple[Followed, Step]:
+    def follow(self, truth: EgoTruth, echo: Echo) -> tuple[Followed, Step]:
+        """What is true of the tracks of a part of the fleet after a scan; `keep` what they follow then."""
         tracks, o = echo.tracks, self._options
         threshold = classification.moving_threshold(o, truth.speed_mps, truth.acceleration_mps2)
         key, target, true_class, shown, floats = kernels.follow(
@@ -98,6 +93,10 @@ class TrackTruth:
         )  # fmt: skip
         step = Step(truth.handle, tracks, echo.in_path.inside, target, shown, floats)
         return Followed(key, target, true_class), step
+
+    def keep(self, parts: Iterable[Followed]) -> None:
+        """What the tracks of the whole fleet follow, for the next scan; parts in the order of handles."""
+        self._before = join(*parts)
 
     def table(self, time_s: Sequence[float], steps: Sequence[Rows]) -> dict[str, Any]:
         """Columns of the table `tracks` of some steps' rows."""
