@@ -190,6 +190,15 @@ def surroundings() -> None:
     LaneOrder(graph, ["lane"], lambda _: ()).leaders(at, one)
 
 
+def tables() -> None:
+    """Compile how rows are written as text."""
+    from plugin.csv_text import csv_rows
+    from plugin.record import to_table
+    from plugin.schema import TABLES
+
+    list(csv_rows(to_table("", TABLES["steps"], {"time_s": np.zeros(1)}), TABLES["steps"]))
+
+
 def _snapshot(n: int) -> Any:
     from sumo_net.snapshot import Snapshot
 
@@ -198,4 +207,4 @@ def _snapshot(n: int) -> Any:
 
 
 # the longest first, so that neither process waits long for the other's last
-PARTS = (lane, picture, motion, own_drive, tracks, leaders, scans, surroundings, search, borders)
+PARTS = (lane, picture, motion, own_drive, tracks, leaders, scans, surroundings, search, borders, tables)

@@ -1,7 +1,6 @@
 """Tables on disk or in memory: chunks of columns in, CSV and Parquet files or pandas tables out."""
 
 import contextlib
-import io
 import os
 import shutil
 from collections import deque
@@ -18,6 +17,7 @@ import pyarrow.parquet
 from pydantic import Field
 
 from plugin import record_kernels as kernels
+from plugin.csv_text import csv_rows
 from plugin.schema import TABLES, Column
 from sumo_net.settings import settings
 
@@ -75,7 +75,7 @@ class Recorder:
                     (directory / f"{name}.{suffix}").unlink(missing_ok=True)
                 shutil.rmtree(_parts(directory / f"{name}.parquet"), ignore_errors=True)
                 if "csv" in formats:
-                    self._writers[name].append(_CsvFile(directory / f"{name}.csv", schema))
+                    self._writers[name].append(_CsvFile(directory / f"{name}.csv", columns))
                 if "parquet" in formats:
                     self._writers[name].append(_ParquetFile(directory / f"{name}.parquet", schema))
 
@@ -90,7 +90,10 @@ class Recorder:
         A column that is missing is left empty. NaN in a float column is written as empty. The arrays must not
         change afterwards. Raises OSError as `flush` does; aside, also for rows appended earlier.
         """
-        table = self._to_arrow(name, columns)
+        unknown = set(columns) - {column.name for column in self._schema[name]}
+        if unknown:
+            raise KeyError(f"table '{name}' has no column {sorted(unknown)}")
+        table = to_table(self.run_id, self._schema[name], columns)
         if table.num_rows == 0:
             return
         if self.directory is None:
@@ -127,22 +130,6 @@ class Recorder:
             if self._thread is not None:
                 every.callback(self._thread.shutdown)
             every.callback(self.flush)  # the last is called first
-
-    def _to_arrow(self, name: str, columns: Mapping[str, Any]) -> pa.Table:
-        specification = self._schema[name]
-        unknown = set(columns) - {column.name for column in specification}
-        if unknown:
-            raise KeyError(f"table '{name}' has no column {sorted(unknown)}")
-        rows = len(next(iter(columns.values())))
-        arrays = []
-        for column in specification:
-            if column.name == "run_id":
-                arrays.append(pa.repeat(pa.scalar(self.run_id), rows))
-            elif column.name not in columns:
-                arrays.append(pa.nulls(rows, _ARROW[column.kind]))
-            else:
-                arrays.append(_to_array(column, columns[column.name]))
-        return pa.Table.from_arrays(arrays, schema=arrow_schema(specification))
 
 
 def read_table(directory: Path, name: str) -> pd.DataFrame:
@@ -188,25 +175,22 @@ def to_pandas(table: pa.Table) -> pd.DataFrame:
 class _CsvFile:
     """Rows are written at once or, where that fails, not at all."""
 
-    def __init__(self, path: Path, schema: pa.Schema) -> None:
-        self._path, self._failed = path, False
+    def __init__(self, path: Path, columns: tuple[Column, ...]) -> None:
+        self._path, self._columns, self._failed = path, columns, False
         self._file = path.open("wb", buffering=0)
-        self._put((",".join(schema.names) + "\n").encode())
+        self._put([(",".join(column.name for column in columns) + "\n").encode()])
 
     def write(self, table: pa.Table) -> None:
-        if self._failed:  # the rows before are whole; a gap would be worse than an end
-            return
-        try:
-            rows = _csv_rows(table, "none")
-        except pa.ArrowInvalid:  # a comma or quotation mark in a text
-            rows = _csv_rows(table, "needed")  # puts every text in quotation marks
-        self._put(rows)
+        if not self._failed:  # the rows before are whole; a gap would be worse than an end
+            self._put(csv_rows(table, self._columns))
 
-    def _put(self, rows: bytes) -> None:
-        before, left = self._file.tell(), memoryview(rows)
+    def _put(self, rows: Iterable[bytes | memoryview]) -> None:
+        before = self._file.tell()
         try:
-            while left:
-                left = left[self._file.write(left) :]
+            for some in rows:
+                left = memoryview(some)
+                while left:
+                    left = left[self._file.write(left) :]
         except OSError as error:
             self._failed = True
             with contextlib.suppress(OSError):
@@ -270,10 +254,18 @@ def _named(error: OSError, path: Path) -> OSError:
     return OSError(error.errno or 0, f"cannot be written ({reason}); the rows before are whole", str(path))
 
 
-def _csv_rows(table: pa.Table, quoting_style: str) -> bytes:
-    rows = io.BytesIO()
-    pa.csv.write_csv(table, rows, pa.csv.WriteOptions(include_header=False, quoting_style=quoting_style))
-    return rows.getvalue()
+def to_table(run_id: str, columns: tuple[Column, ...], values: Mapping[str, Any]) -> pa.Table:
+    """Rows as Arrow has them, from equally long arrays by column; those that are missing are empty."""
+    rows = len(next(iter(values.values())))
+    arrays = []
+    for column in columns:
+        if column.name == "run_id":
+            arrays.append(pa.repeat(pa.scalar(run_id), rows))
+        elif column.name not in values:
+            arrays.append(pa.nulls(rows, _ARROW[column.kind]))
+        else:
+            arrays.append(_to_array(column, values[column.name]))
+    return pa.Table.from_arrays(arrays, schema=arrow_schema(columns))
 
 
 def arrow_schema(columns: tuple[Column, ...]) -> pa.Schema:

@@ -13,7 +13,7 @@ from analysis import warm_up
 from analysis.simulate import simulate
 from analysis.warm_up_parts import PARTS, borders
 from camera_synth import render_kernels, truth_kernels
-from plugin import conflict_kernels, ground_truth_kernels
+from plugin import conflict_kernels, csv_kernels, ground_truth_kernels
 from plugin.lane import genetic_kernels, refine_kernels
 from plugin.motion import filter_kernels, prediction_kernels
 from plugin.tracking import (
@@ -56,6 +56,7 @@ KERNELS = {
     ],
     "search": [genetic_kernels.search_kernel],
     "borders": [truth_kernels.locate_borders],
+    "tables": [csv_kernels.write_rows],
 }
 
 
