@@ -32,7 +32,8 @@ from sumo_net.traffic import Traffic
 
 Array = np.ndarray[Any, Any]
 
-SETTLE_EVERY_STEPS = 100  # rows are written every 10 s of simulated time
+SETTLE_EVERY_STEPS = 100  # rows are judged and written every 10 s of simulated time …
+WRITE_EVERY_STEPS = 10  # … those of `tracks`, which wait for nothing, every second
 
 
 class Latest(NamedTuple):
@@ -185,6 +186,8 @@ class DriverAssistance:
             self._drive(sensed, truth, spans)
         self._script.step(snapshot)
         self.recorder.flush(MOST_WAITING)  # a full disk is told of now, not with the next rows
+        if self._steps % WRITE_EVERY_STEPS == 0:
+            self._rear_end.write_tracks()
         if self._steps % SETTLE_EVERY_STEPS == 0:
             self._scorer.settle(self._traffic.time_s)
             self._rear_end.settle(self._traffic.time_s)
@@ -214,6 +217,7 @@ class DriverAssistance:
             try:
                 self._scorer.settle(np.inf, final=True)
                 self._rear_end.settle(np.inf, final=True)
+                self.recorder.flush()  # all is counted then
                 self.recorder.append("runs", self._run_row())
             finally:
                 if self._capture is not None:

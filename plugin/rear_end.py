@@ -10,7 +10,7 @@ from plugin.conflicts import ConflictBook, LaneOrder, Leaders, in_view, path_lea
 from plugin.ranging import Echo
 from plugin.record import Recorder
 from plugin.schema import TABLES
-from plugin.track_truth import Followed, Rows, Step, TrackTruth
+from plugin.track_truth import Followed, Rows, Step, TrackTruth, table
 from plugin.warning.collision import BUZZER, CODES
 from sumo_net.batch import join
 from sumo_net.ego import EgoTruth
@@ -45,7 +45,7 @@ class RearEndScorer:
         self._reach_m = configuration.conflicts.reach_m
         self._order = LaneOrder(roads.graph, traffic.lane_ids, traffic.route_ahead)
         self._book = ConflictBook(configuration.conflicts)
-        self._tracks = TrackTruth(configuration.tracker.classes, traffic.vehicle_id)
+        self._tracks = TrackTruth(configuration.tracker.classes)
         self._pending: list[tuple[float, Rows]] = []  # of `tracks`, and when
         self._recording = configuration.recording
         self._scans = 0
@@ -109,18 +109,22 @@ class RearEndScorer:
         time, steps = self._latest
         step = next(one for one in steps if handle in one.handle)
         own = (step.handle[step.tracks.owner] == handle) & step.tracks.confirmed
-        return self._tracks.table([time], [step.of(own)])
+        return table([time], [step.of(own)], self._traffic.names)
+
+    def write_tracks(self) -> None:
+        """Write the tracks so far, when the recorder comes to it."""
+        if self._pending:
+            times, steps = zip(*self._pending, strict=True)
+            self._pending, names = [], dict(self._traffic.names)
+            self._recorder.later(lambda: self._recorder.append("tracks", table(times, steps, names)))
 
     def settle(self, until_s: float, final: bool = False) -> None:
         """Write the tracks so far, and the conflicts and warnings that are decided by `until_s`."""
-        if self._pending:
-            times, steps = zip(*self._pending, strict=True)
-            self._pending = []
-            self._recorder.append("tracks", self._tracks.table(times, steps))
+        self.write_tracks()
         conflicts, warnings = self._book.settle(until_s, final)
         self.conflicts += len(conflicts)
         self.warnings += sum(row["level"] == "reminder" for row in warnings)
-        for table, rows in (("conflicts", conflicts), ("warnings", warnings)):
+        for name, rows in (("conflicts", conflicts), ("warnings", warnings)):
             if rows:
-                events = table_columns(rows, self._traffic.vehicle_id, TABLES[table])
-                self._recorder.append(table, events)
+                events = table_columns(rows, self._traffic.vehicle_id, TABLES[name])
+                self._recorder.append(name, events)

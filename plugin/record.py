@@ -3,9 +3,11 @@
 import contextlib
 import os
 import shutil
+import threading
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +38,8 @@ class Recording:
 
 
 FORMATS = ("csv", "parquet")
-MOST_WAITING = 8  # chunks that are not written yet: what comes more waits, so that memory stays flat
+GROUP_ROWS = 100_000  # of Parquet, in a finished file
+MOST_WAITING = 8  # pieces of work aside: what comes more waits, so that memory stays flat
 _ARROW = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": pa.string()}
 
 
@@ -49,7 +52,7 @@ class Recorder:
     directory : where the files go; None keeps the tables in memory.
     formats : any of "csv", "parquet".
     tables : the schema, by default that of `plugin.schema`.
-    aside : write in a thread of its own; text and compression do not hold the GIL. `flush` waits for it.
+    aside : write in a thread of its own; most of that does not hold the GIL. `flush` waits for it.
     """
 
     def __init__(
@@ -65,7 +68,8 @@ class Recorder:
         self._schema = tables
         self._memory: dict[str, list[pa.Table]] = {name: [] for name in tables}
         self._writers: dict[str, list[_CsvFile | _ParquetFile]] = {name: [] for name in tables}
-        self._thread = ThreadPoolExecutor(1, "tables") if aside else None
+        self._aside = 0  # that thread
+        self._thread = ThreadPoolExecutor(1, "tables", self._begin) if aside else None
         self._waiting: deque[Future[None]] = deque()
         if directory is not None:
             directory.mkdir(parents=True, exist_ok=True)
@@ -93,20 +97,33 @@ class Recorder:
         unknown = set(columns) - {column.name for column in self._schema[name]}
         if unknown:
             raise KeyError(f"table '{name}' has no column {sorted(unknown)}")
+        self.later(partial(self._write, name, columns))
+
+    def later(self, work: Callable[[], None]) -> None:
+        """Do work that appends rows: aside, after what was appended before; otherwise now.
+
+        Raises OSError as `flush` does.
+        """
+        if self._thread is None or threading.get_ident() == self._aside:
+            work()
+        else:
+            self._waiting.append(self._thread.submit(work))
+            self.flush(MOST_WAITING)
+
+    def _begin(self) -> None:
+        self._aside = threading.get_ident()
+
+    def _write(self, name: str, columns: Mapping[str, Any]) -> None:
         table = to_table(self.run_id, self._schema[name], columns)
         if table.num_rows == 0:
             return
         if self.directory is None:
             self._memory[name].append(table)
         for writer in self._writers[name]:
-            if self._thread is None:
-                writer.write(table)
-            else:
-                self._waiting.append(self._thread.submit(writer.write, table))
-        self.flush(MOST_WAITING)
+            writer.write(table)
 
     def flush(self, waiting: int = 0) -> None:
-        """Wait until all rows but `waiting` chunks are in their files; raise what has failed so far.
+        """Wait until all but `waiting` pieces of work are done; raise what has failed so far.
 
         Raises OSError, which names the file and says why.
         """
@@ -228,7 +245,7 @@ class _ParquetFile:
         if len(parts) == 1:
             parts[0].replace(self._path)
         else:
-            self._put(self._path, (pa.parquet.read_table(part) for part in parts))
+            self._put(self._path, _grouped(pa.parquet.read_table(part) for part in parts))
         shutil.rmtree(self._folder)
 
     def _put(self, place: Path, tables: Iterable[pa.Table]) -> None:
@@ -243,6 +260,18 @@ class _ParquetFile:
             with contextlib.suppress(OSError):
                 unfinished.unlink(missing_ok=True)
             raise _named(error, place) from None
+
+
+def _grouped(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
+    """The same rows in tables of GROUP_ROWS or a little more: small groups cost Parquet space and time."""
+    waiting: list[pa.Table] = []
+    for table in tables:
+        waiting.append(table)
+        if sum(one.num_rows for one in waiting) >= GROUP_ROWS:
+            yield pa.concat_tables(waiting)
+            waiting = []
+    if waiting:
+        yield pa.concat_tables(waiting)
 
 
 def _parts(path: Path) -> Path:

@@ -1,10 +1,9 @@
 """What truly is behind each radar track: the rows of the table `tracks`. Scoring, not for the driver."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow as pa
 
 from plugin import track_truth_kernels as kernels
 from plugin.ranging import Echo
@@ -78,9 +77,8 @@ class TrackTruth:
     track took up the body.
     """
 
-    def __init__(self, options: ClassSettings, name: Callable[[int], str]) -> None:
-        """`name`: id of a vehicle by handle."""
-        self._options, self._name = options, name
+    def __init__(self, options: ClassSettings) -> None:
+        self._options = options
         self._before = Followed(*(np.zeros(0, np.int64),) * 2, true_class=np.zeros(0, np.int8))
 
     def follow(self, truth: EgoTruth, echo: Echo) -> tuple[Followed, Step]:
@@ -98,31 +96,25 @@ class TrackTruth:
         """What the tracks of the whole fleet follow, for the next scan; parts in the order of handles."""
         self._before = join(*parts)
 
-    def table(self, time_s: Sequence[float], steps: Sequence[Rows]) -> dict[str, Any]:
-        """Columns of the table `tracks` of some steps' rows."""
-        out: dict[str, Any] = {}
-        for name, *parts in zip(NUMBERS, *(rows.numbers for rows in steps), strict=True):
-            out[name] = np.concatenate(parts)
-        for name, *parts in zip(CODES, *(rows.codes for rows in steps), strict=True):
-            out[name] = np.concatenate(parts)
-        out["time_s"] = np.repeat(time_s, [rows.codes.shape[1] for rows in steps])
-        out["vehicle_id"] = self._ids(out.pop("handle"))
-        out["target_id"] = self._ids(out.pop("target"))
-        for name in ("measured", "in_path"):
-            out[name] = out[name] != 0
-        for name in ("motion_state", "true_motion_state"):
-            out[name] = labelled(out[name], classification.NAMES)
-        return out
 
-    def _ids(self, handles: Array) -> pa.Array:
-        return named(handles, self._id)
+def table(time_s: Sequence[float], steps: Sequence[Rows], names: Mapping[int, str]) -> dict[str, Any]:
+    """Columns of the table `tracks` of some steps' rows; `names`: ids of vehicles by handle."""
+    out: dict[str, Any] = {}
+    for name, *parts in zip(NUMBERS, *(rows.numbers for rows in steps), strict=True):
+        out[name] = np.concatenate(parts)
+    for name, *parts in zip(CODES, *(rows.codes for rows in steps), strict=True):
+        out[name] = np.concatenate(parts)
+    out["time_s"] = np.repeat(time_s, [rows.codes.shape[1] for rows in steps])
+    out["vehicle_id"] = named(out.pop("handle"), names.__getitem__)
+    out["target_id"] = named(out.pop("target"), lambda handle: _target(handle, names))
+    for name in ("measured", "in_path"):
+        out[name] = out[name] != 0
+    for name in ("motion_state", "true_motion_state"):
+        out[name] = labelled(out[name], classification.NAMES)
+    return out
 
-    def _id(self, handle: int) -> str | None:
-        if handle == NOTHING:
-            return None
-        if handle < NOTHING:
-            return f"roadside:{-handle - 2}"
-        try:
-            return self._name(handle)
-        except KeyError:  # left long ago; clutter has kept its track alive
-            return None
+
+def _target(handle: int, names: Mapping[int, str]) -> str | None:
+    if handle < NOTHING:
+        return f"roadside:{-handle - 2}"
+    return names.get(handle)  # none of clutter, or of one that left long ago, whose track clutter keeps alive

@@ -5,6 +5,7 @@ then turns them into rows, for all vehicles at once.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from plugin.schema import TABLES
 from sumo_net.driver import CAUSES
 
 Array = np.ndarray[Any, Any]
+Names = Mapping[int, str]  # ids of vehicles by handle
 
 HORIZONS_S = (0.5, 1.0, 1.5, 2.0)
 LOOK_AHEAD_S = 5.0  # a crossing later than this leaves the true time to lane crossing empty
@@ -47,7 +49,7 @@ class Scorer:
     def __init__(
         self,
         recorder: Recorder,
-        names: Mapping[int, str],
+        names: Names,
         labels: Mapping[str, Sequence[str]] | None = None,
         matching: Matching | None = None,
     ) -> None:
@@ -86,31 +88,37 @@ class Scorer:
         return known | {"vehicle_id": self._names[int(columns["handle"][row])], "true_tlc_s": np.nan}
 
     def settle(self, now_s: float, final: bool = False) -> None:
-        """Write all rows whose future is known by `now_s`; with `final`, all that are left."""
-        rows = self._gather()
+        """Write all rows whose future is known by `now_s`; with `final`, all that are left.
+
+        The recorder does it when it comes to it.
+        """
+        steps, self._steps = self._steps, []
+        until = np.inf if final else now_s - LOOK_AHEAD_S
+        self._recorder.later(partial(self._settle, steps, dict(self._names), until, final))
+
+    def _settle(self, steps: list[dict[str, Array]], names: Names, until: float, final: bool) -> None:
+        rows = self._gather(steps)
         if rows is None:
             return
-        until = np.inf if final else now_s - LOOK_AHEAD_S
         new = ~rows["written"] & (rows["time_s"] <= until)
         follows = _follows(rows)
         self._book.departures += self._departures(rows, follows, new)
         self._warnings(rows, follows, new, until)
         rows["true_tlc_s"] = _true_tlc(rows, _crossings(rows, follows))
-        self._write_steps(rows, new)
-        self._write_predictions(rows, follows, new)
+        self._write_steps(rows, new, names)
+        self._write_predictions(rows, follows, new, names)
         departures, warnings = self._book.settle(until, final)
         self.departures += sum(row["cause"] != CAUSES[SIGNALLED] for row in departures)
         self.warnings += len(warnings)
-        self._write_events("departures", departures)
-        self._write_events("warnings", warnings)
+        self._write_events("departures", departures, names)
+        self._write_events("warnings", warnings, names)
         rows["written"] |= new
         self._forget_crossings(rows["step"])
         keep = rows["time_s"] > until - 2.0  # some context: causes and drifts shortly before an event
         self._context = {name: column[keep] for name, column in rows.items()} if not final else None
 
-    def _gather(self) -> dict[str, Array] | None:
-        parts = self._steps if self._context is None else [self._context, *self._steps]
-        self._steps = []
+    def _gather(self, steps: list[dict[str, Array]]) -> dict[str, Array] | None:
+        parts = steps if self._context is None else [self._context, *steps]
         if not parts:
             return None
         names = parts[-1].keys() - {"written", "true_tlc_s"}
@@ -200,10 +208,10 @@ class Scorer:
                 warning.end_s = last_seen.get(handle, warning.start_s)
                 del self._open[handle]
 
-    def _write_steps(self, rows: dict[str, Array], new: Array) -> None:
+    def _write_steps(self, rows: dict[str, Array], new: Array, names: Names) -> None:
         order = _by_time(rows, new)
         columns: dict[str, Any] = {name: rows[name][order] for name in _STEP_COLUMNS if name in rows}
-        columns["vehicle_id"] = self._vehicle_ids(rows["handle"][order])
+        columns["vehicle_id"] = named(rows["handle"][order], names.__getitem__)
         columns["true_cause"] = labelled(rows["cause"][order], CAUSES)
         columns |= {"true_x_m": rows["x_m"][order], "true_y_m": rows["y_m"][order]}
         for name, labels in self._labels.items():
@@ -216,7 +224,7 @@ class Scorer:
                 columns[name] = pa.array(columns[name], mask=columns[name] < 0)
         self._recorder.append("steps", columns)
 
-    def _write_predictions(self, rows: dict[str, Array], follows: Array, new: Array) -> None:
+    def _write_predictions(self, rows: dict[str, Array], follows: Array, new: Array, names: Names) -> None:
         order = _by_time(rows, new)
         segment = np.cumsum(~follows)
         later = order[:, None] + _HORIZON_STEPS
@@ -251,7 +259,7 @@ class Scorer:
             "predictions",
             {
                 "time_s": times,
-                "vehicle_id": self._vehicle_ids(handles),
+                "vehicle_id": named(handles, names.__getitem__),
                 "horizon_s": horizon,
                 "lateral_error_m": errors["predicted"][0].ravel()[keep],
                 "longitudinal_error_m": errors["predicted"][1].ravel()[keep],
@@ -262,11 +270,11 @@ class Scorer:
             },
         )
 
-    def _write_events(self, table: str, events: list[dict[str, object]]) -> None:
+    def _write_events(self, table: str, events: list[dict[str, object]], names: Names) -> None:
         if not events:
             return
         key = "crossing_s" if table == "departures" else "start_s"
-        events.sort(key=lambda row: (row[key], self._names[row["handle"]]))  # type: ignore[index]
+        events.sort(key=lambda row: (row[key], names[row["handle"]]))  # type: ignore[index]
         columns: dict[str, Any] = {name: pa.array([row[name] for row in events]) for name in events[0]}
         handles = columns.pop("handle").to_numpy()
         for column in TABLES[table]:
@@ -275,11 +283,8 @@ class Scorer:
                 columns[column.name] = np.array(
                     [np.nan if v is None else v for v in values], dtype=np.float64
                 )
-        columns["vehicle_id"] = self._vehicle_ids(handles)
+        columns["vehicle_id"] = named(handles, names.__getitem__)
         self._recorder.append(table, columns)
-
-    def _vehicle_ids(self, handles: Array) -> pa.Array:
-        return named(handles, self._names.__getitem__)
 
 
 def named(handles: Array, name: Callable[[int], str | None]) -> pa.Array:

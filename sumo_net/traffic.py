@@ -9,7 +9,7 @@ import contextlib
 import subprocess
 import warnings
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -175,11 +175,6 @@ class Traffic:
         """SUMO's time."""
         return float(self._sumo.simulation.getTime())
 
-    @property
-    def expected(self) -> int:
-        """Vehicles that drive or are still to come."""
-        return int(self._sumo.simulation.getMinExpectedNumber())
-
     # --- reading
 
     def snapshot(self) -> Snapshot:
@@ -236,6 +231,11 @@ class Traffic:
     def vehicle_id(self, handle: int) -> str:
         """SUMO's name of a vehicle, until REMEMBERED_S after it has left. Raises KeyError later."""
         return self._names[handle]
+
+    @property
+    def names(self) -> Mapping[int, str]:
+        """What `vehicle_id` says, by handle; changes with the traffic."""
+        return self._names
 
     def remembers(self, handle: int) -> bool:
         """Whether the vehicle is there, or left less than REMEMBERED_S ago."""

@@ -1,10 +1,13 @@
 """What becomes of a column on its way into a table."""
 
+from pathlib import Path
+
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet
 import pytest
 
-from plugin.record import Recorder
+from plugin.record import GROUP_ROWS, Recorder
 from plugin.schema import Column
 from plugin.truth import named
 
@@ -27,3 +30,29 @@ def test_names_of_handles_come_in_their_order() -> None:
     handles = np.array([1_000, 7, 7, -3, 1_000, 7])
     assert named(handles, names.__getitem__).to_pylist() == [names[int(one)] for one in handles]
     assert named(handles[:0], names.__getitem__).equals(pa.array([], pa.string()))
+
+
+@pytest.mark.parametrize("aside", [False, True])
+def test_what_work_appends_comes_after_what_was_appended_before_it(tmp_path: Path, aside: bool) -> None:
+    recorder = Recorder("run", tmp_path, tables={"some": (Column("value_m", ""),)}, aside=aside)
+
+    def work() -> None:
+        for value in (1.0, 2.0):
+            recorder.append("some", {"value_m": np.array([value])})
+
+    recorder.append("some", {"value_m": np.array([0.0])})
+    recorder.later(work)
+    recorder.append("some", {"value_m": np.array([3.0])})
+    recorder.close()
+    assert (tmp_path / "some.csv").read_text() == "value_m\n0\n1\n2\n3\n"
+
+
+def test_a_finished_parquet_file_has_few_groups(tmp_path: Path) -> None:
+    recorder = Recorder("run", tmp_path, ("parquet",), {"some": (Column("value_m", ""),)})
+    for k in range(25):
+        recorder.append("some", {"value_m": np.full(GROUP_ROWS // 10, float(k))})
+    recorder.close()
+    file = pyarrow.parquet.ParquetFile(tmp_path / "some.parquet")
+    groups = [file.metadata.row_group(k).num_rows for k in range(file.metadata.num_row_groups)]
+    assert groups == [GROUP_ROWS, GROUP_ROWS, GROUP_ROWS // 2]
+    assert file.read()["value_m"].to_numpy().tolist() == np.repeat(np.arange(25.0), GROUP_ROWS // 10).tolist()
