@@ -1,6 +1,6 @@
 """The assistance of a running simulation: SUMO -> truth -> the fleet's chains -> tables, each 0.1 s."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -167,23 +167,19 @@ class DriverAssistance:
         snapshot = self._traffic.snapshot()
         equipped = self._find_equipped(snapshot)
         truth = self._ego.step(snapshot, equipped, self._alerted)
-        self._incidents.step(snapshot)
         self._steps += 1
         self._end_s = self._traffic.time_s
         if self._steps == 1:
             self._begin_s = self._end_s
-        spans = self._ego.half_span_m()
-        if len(truth.handle):
-            self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
-            self._bend_speed.step(truth, self._roads.table)
-            sensed = self._lane_changes.step(snapshot, equipped)
-            if self._capture is not None and self._watch is not None and self._watch.alone:
-                seen = self._capture.watched(truth.handle)
-                truth, spans = select(truth, seen), spans[seen]
-        self._fleet.follow(truth.handle)
         self.latest = None
-        if len(truth.handle):
-            self._drive(sensed, truth, spans)
+        sensed = self._lane_changes.step(snapshot, equipped) if len(truth.handle) else snapshot
+        seen = self._seen(truth)
+        self._fleet.follow(truth.handle[seen])
+        if len(truth.handle[seen]):
+            spans = self._ego.half_span_m()[seen]
+            self._drive(sensed, select(truth, seen), spans, lambda: self._tell(snapshot, truth))
+        else:
+            self._tell(snapshot, truth)
         self._script.step(snapshot)
         self.recorder.flush(MOST_WAITING)  # a full disk is told of now, not with the next rows
         if self._steps % WRITE_EVERY_STEPS == 0:
@@ -193,7 +189,7 @@ class DriverAssistance:
             self._rear_end.settle(self._traffic.time_s)
             if self._capture is not None:
                 self._capture.settle()
-            for handle in [one for one in self._names if not self._traffic.remembers(one)]:
+            for handle in [one for one in self._names if one not in self._traffic.names]:
                 del self._names[handle]
 
     def look(self, handle: int) -> tuple[Look, dict[str, Any], dict[str, Any]] | None:
@@ -258,13 +254,31 @@ class DriverAssistance:
                 self._capture.arrived(names)
         return np.asarray(self._equipped[snapshot.handle])
 
-    def _drive(self, snapshot: Snapshot, truth: EgoTruth, half_span_m: Array) -> None:
+    def _seen(self, truth: EgoTruth) -> slice | Array:
+        """Whose sensors work: all, but where only those are of interest whose frames are kept."""
+        if self._capture is None or self._watch is None or not self._watch.alone:
+            return slice(None)
+        return self._capture.watched(truth.handle)
+
+    def _tell(self, snapshot: Snapshot, truth: EgoTruth) -> None:
+        """Tell SUMO what the equipped vehicles do, and what happens to others."""
+        self._incidents.step(snapshot)
+        if len(truth.handle):
+            self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
+            self._bend_speed.step(truth, self._roads.table)
+
+    def _drive(
+        self, snapshot: Snapshot, truth: EgoTruth, half_span_m: Array, meanwhile: Callable[[], None]
+    ) -> None:
+        """The chains of n > 0 vehicles and what comes of them; `meanwhile` is done while threads work."""
         time_s, leader = self._traffic.time_s, self._rear_end.leaders(snapshot, truth.handle)
 
         def judge(part: slice, outcome: Outcome) -> rear_end.Judged:
             return self._rear_end.judge(outcome.truth, outcome.echo, leader.handle[part])
 
-        done = self._fleet.step(truth, half_span_m, snapshot, judge)
+        finish = self._fleet.step(truth, half_span_m, snapshot, judge)
+        meanwhile()
+        done = finish()
         outcomes = [outcome for outcome, _ in done]
         departing = join(*(one.warning for one in outcomes))
         closing = join(*(one.echo.warning for one in outcomes))

@@ -4,7 +4,7 @@ import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -16,8 +16,16 @@ from sumo_net.snapshot import Snapshot
 Array = np.ndarray[Any, Any]
 J = TypeVar("J")
 
-UNEVEN = 1 / 32  # of the fleet; parts that differ by more are made anew, which copies all that is known
+UNEVEN = 1 / 64  # of the fleet, or a handful of vehicles: parts that differ by more are made anew
+HANDFUL = 4
 LEAST_PART = 16  # vehicles in the hands of a thread: what its calls cost is spread over them
+
+
+class Part(NamedTuple):
+    """Who is in a part of the fleet, and the rows of states that they come from."""
+
+    handle: Array  # (n,) ascending
+    sources: list[tuple[ChainState, Array]]
 
 
 class Fleet:
@@ -28,12 +36,12 @@ class Fleet:
         self._chain, self._name = chain, name
         self._threads = threads or os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
-        self._parts = [chain.init(np.zeros(0, np.int64), [])]
+        self._parts = [_whole(chain.init(np.zeros(0, np.int64), []))]
 
     @property
     def handle(self) -> Array:
         """(n,) of the vehicles in it."""
-        return np.concatenate([part.vehicles.handle for part in self._parts])
+        return np.concatenate([part.handle for part in self._parts])
 
     def follow(self, handle: Array) -> None:
         """From now on it consists of these vehicles, (n,) ascending."""
@@ -41,29 +49,28 @@ class Fleet:
         if np.array_equal(have, handle):
             return
         new = handle[~np.isin(handle, have, assume_unique=True)]
-        fresh = self._chain.init(new, [self._name(one) for one in new.tolist()])
-        parts = self._parts
-        cuts = np.searchsorted(handle, [part.vehicles.handle[0] for part in parts[1:]])
+        states = [self.state(part) for part in self._parts]
+        states.append(self._chain.init(new, [self._name(one) for one in new.tolist()]))
+        cuts = np.searchsorted(handle, [part.handle[0] for part in self._parts[1:]])
         count = max(1, min(self._threads, len(handle) // LEAST_PART))
         sizes = np.diff(cuts, prepend=0, append=len(handle))
-        if len(parts) != count or sizes.max() - sizes.min() > len(handle) * UNEVEN:
-            parts = [self._chain.join(*parts, fresh)] * count
-            cuts = np.array([len(handle) * part // count for part in range(1, count)], np.int64)
-        elif len(new):
-            arrived = np.split(np.arange(len(new)), np.searchsorted(np.searchsorted(handle, new), cuts))
-            parts = [
-                self._chain.join(part, self._chain.select(fresh, rows)) if len(rows) else part
-                for part, rows in zip(parts, arrived, strict=True)
-            ]
-        self._parts = [self._of(part, some) for part, some in zip(parts, np.split(handle, cuts), strict=True)]
+        uneven = max(HANDFUL, len(handle) * UNEVEN)
+        if len(sizes) != count or sizes.max() - sizes.min() > uneven:
+            # who comes is in the last part: it begins smaller
+            share = (len(handle) + uneven / 2.0) / count
+            cuts = np.array([int(share * part) for part in range(1, count)], np.int64)
+        self._parts = [_taken(some, states) for some in np.split(handle, cuts)]
 
-    def _of(self, part: ChainState, handle: Array) -> ChainState:
-        """The vehicles `handle`, ascending, of a part that has them; the part itself where these are all."""
-        have = part.vehicles.handle
-        if np.array_equal(have, handle):
-            return part
-        order = np.argsort(have)
-        return self._chain.select(part, order[np.searchsorted(have[order], handle)])
+    def state(self, part: Part) -> ChainState:
+        """What the vehicles of a part carry along, in the order of their handles."""
+        taken = [
+            state if len(rows) == len(state.vehicles.handle) else self._chain.select(state, rows)
+            for state, rows in part.sources
+        ]
+        state = self._chain.join(*taken) if len(taken) > 1 else taken[0]
+        if (state.vehicles.handle == part.handle).all():
+            return state
+        return self._chain.select(state, np.argsort(state.vehicles.handle))
 
     def step(
         self,
@@ -71,24 +78,43 @@ class Fleet:
         half_span_m: Array,
         snapshot: Snapshot,
         judge: Callable[[slice, Outcome], J],
-    ) -> list[tuple[Outcome, J]]:
-        """One step of its n > 0 vehicles: what came of it, part by part.
+    ) -> Callable[[], list[tuple[Outcome, J]]]:
+        """Begin a step of its n > 0 vehicles; what it gives waits for what came of it, part by part.
 
         `judge` is given the vehicles of a part and what came of it, by the thread that has worked on it.
         """
 
-        def work(state: ChainState, part: slice) -> tuple[ChainState, Outcome, J]:
-            after, outcome = self._chain.step(state, select(truth, part), half_span_m[part], snapshot)
-            return after, outcome, judge(part, outcome)
+        def work(part: Part, rows: slice) -> tuple[ChainState, Outcome, J]:
+            state = self.state(part)
+            after, outcome = self._chain.step(state, select(truth, rows), half_span_m[rows], snapshot)
+            return after, outcome, judge(rows, outcome)
 
-        ends = np.cumsum([len(state.vehicles.handle) for state in self._parts]).tolist()
+        ends = np.cumsum([len(part.handle) for part in self._parts]).tolist()
         slices = [slice(begin, end) for begin, end in itertools.pairwise([0, *ends])]
         run = self._pool.map if self._pool is not None and len(slices) > 1 else map
-        done = list(run(work, self._parts, slices))
-        self._parts = [after for after, _, _ in done]
-        return [(outcome, judged) for _, outcome, judged in done]
+        begun = run(work, self._parts, slices)
+
+        def finish() -> list[tuple[Outcome, J]]:
+            done = list(begun)
+            self._parts = [_whole(after) for after, _, _ in done]
+            return [(outcome, judged) for _, outcome, judged in done]
+
+        return finish
 
     def close(self) -> None:
         """End the threads."""
         if self._pool is not None:
             self._pool.shutdown()
+
+
+def _whole(state: ChainState) -> Part:
+    return Part(state.vehicles.handle, [(state, np.arange(len(state.vehicles.handle)))])
+
+
+def _taken(handle: Array, states: list[ChainState]) -> Part:
+    """The vehicles `handle` from wherever they are."""
+    sources = [
+        (state, np.flatnonzero(np.isin(state.vehicles.handle, handle, assume_unique=True)))
+        for state in states
+    ]
+    return Part(handle, [one for one in sources if len(one[1])] or sources[:1])

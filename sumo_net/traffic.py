@@ -219,13 +219,17 @@ class Traffic:
 
     def accelerations_mps2(self, handles: Array) -> Array:
         """(n,) of vehicles of the last snapshot; 0 of those that SUMO does not move, or no more."""
-        found = np.array([self._acceleration(handle) for handle in handles.tolist()], dtype=np.float64)
+        names = [self._names[handle] for handle in handles.tolist()]
+        try:
+            found = np.array(list(map(self._reader.acceleration, names)), np.float64)
+        except self._refused:  # one of them has vanished since the snapshot
+            found = np.array(list(map(self._acceleration, names)), np.float64)
         return np.where(found > _INVALID, found, 0.0)
 
-    def _acceleration(self, handle: int) -> float:
+    def _acceleration(self, name: str) -> float:
         try:
-            return self._reader.acceleration(self._names[handle])
-        except self._refused:  # it has vanished since the snapshot
+            return self._reader.acceleration(name)
+        except self._refused:
             return 0.0
 
     def vehicle_id(self, handle: int) -> str:
@@ -234,12 +238,8 @@ class Traffic:
 
     @property
     def names(self) -> Mapping[int, str]:
-        """What `vehicle_id` says, by handle; changes with the traffic."""
+        """What `vehicle_id` says, by handle, of those that are there or left less than REMEMBERED_S ago."""
         return self._names
-
-    def remembers(self, handle: int) -> bool:
-        """Whether the vehicle is there, or left less than REMEMBERED_S ago."""
-        return handle in self._names
 
     def handle(self, vehicle_id: str) -> int:
         """The number of a vehicle that was seen and has not arrived. Raises KeyError."""

@@ -45,7 +45,7 @@ def come_and_go(out: Path) -> dict[str, Any]:
             "names": len(traffic._names),
             "kinds": len(traffic._kinds),
             "left": [traffic.time_s - time for time, _ in traffic._left],
-            "unknown": [handle for handle in adas._names if not traffic.remembers(handle)],
+            "unknown": [handle for handle in adas._names if handle not in traffic.names],
             "equipped names": len(adas._names),
             "fleet": len(adas.vehicles),
         }
