@@ -15,6 +15,7 @@ import numpy as np
 
 from plugin.motion.estimate import Array
 from sumo_net.compile import kernel
+from sumo_net.copy_kernels import copy_matrix, copy_vector
 
 N = 13  # states
 M = 4  # measurements of a look
@@ -132,14 +133,16 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                 spread = s.one_border if borders == 1 else 1.0
                 away = abs(z[0] - x[D]) > s.away
                 pose_spread = spread * s.sensed_look if sensed else spread
-                x_before[:], P_before[:, :] = x, P
+                copy_vector(x, x_before)
+                copy_matrix(P, P_before)
                 off = update(x, P, z, pose_spread, spread, s, gain, PH)
                 contradicted = sensed and off > s.doubt
                 if off > _GROSS * s.clip and not away:
                     # An abrupt manoeuvre, no error of the camera: what is not measured is open again. That is
                     # the lane, not the motion, where the vehicle's own sensors read.
                     if sensed:
-                        x[:], P[:, :] = x_before, P_before
+                        copy_vector(x_before, x)
+                        copy_matrix(P_before, P)
                         reopen(P, _REOPENED_SENSED)
                     else:
                         reopen(P, _REOPENED)
