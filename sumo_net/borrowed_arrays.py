@@ -8,17 +8,17 @@ any back can do without; its arguments cost less to hand over, too.
 from typing import Any
 
 from numba.core import ir, types
-from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.ir_utils import get_definition, guard
 from numba.core.typed_passes import AnnotateTypes
 
+from sumo_net.call_types import RememberingCompiler
 from sumo_net.scratch import scratch
 
 _VIEWS = ("getattr", "static_getitem", "build_tuple", "cast", "phi", "exhaust_iter")
 
 
-class BorrowingCompiler(Compiler):
+class BorrowingCompiler(RememberingCompiler):
     """numba's compiler; kernels that can do without counting references do not count."""
 
     def define_pipelines(self) -> list[Any]:

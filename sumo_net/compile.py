@@ -50,7 +50,7 @@ if _numba.CPU_FEATURES is None:  # NUMBA_CPU_FEATURES is the user's
 
 _COMPILED_BY = tuple(
     stamp(str(Path(__file__).with_name(f"{name}.py")))
-    for name in ("compile", "inner_compiler", "borrowed_arrays")
+    for name in ("compile", "inner_compiler", "borrowed_arrays", "call_types")
 )
 
 KERNELS: list[Any] = []  # those of all modules that were imported
