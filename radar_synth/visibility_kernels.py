@@ -13,6 +13,7 @@ from sumo_net.frames import wrap_angle
 
 _AHEAD_M = 1e-3  # faces are cut off here: no ray of a beam goes sideways or back
 _SLIVER = 1e-9  # rad; common intervals narrower than this do not count
+_BEYOND = 1.0 + 1e-9  # times a beam's range, squared: what is further has no point in it, however rounded
 
 
 @kernel
@@ -28,15 +29,26 @@ def _face(faces, count, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     elif bx < _AHEAD_M:
         t = (_AHEAD_M - ax) / (bx - ax)
         bx, by = _AHEAD_M, ay + t * (by - ay)
-    faces[count, 0], faces[count, 1], faces[count, 2], faces[count, 3] = ax, ay, bx, by
-    faces[count, 4], faces[count, 5] = math.atan2(ay, ax), math.atan2(by, bx)
+    face = faces[count]
+    face[0], face[1], face[2], face[3] = ax, ay, bx, by
+    if count and ax == faces[0, 2] and ay == faces[0, 3]:  # at the corner between the two
+        face[4] = faces[0, 5]
+    else:
+        face[4] = math.atan2(ay, ax)
+    if count and bx == faces[0, 0] and by == faces[0, 1]:
+        face[5] = faces[0, 4]
+    else:
+        face[5] = math.atan2(by, bx)
     return count + 1
 
 
 @kernel
-def _faces(x, y, heading, length, width, faces):  # type: ignore[no-untyped-def]
-    """The visible faces of a box into `faces` (2, 6), ends from right to left and azimuths; how many."""
-    c, s, h, w = math.cos(heading), math.sin(heading), 0.5 * length, 0.5 * width
+def _faces(x, y, c, s, length, width, faces):  # type: ignore[no-untyped-def]
+    """The visible faces of a box, its heading's cosine and sine c and s, into `faces` (2, 6); how many.
+
+    Of each its ends from right to left, and their azimuths.
+    """
+    h, w = 0.5 * length, 0.5 * width
     # Corners counter-clockwise: front left, rear left, rear right, front right.
     x0, y0 = x + c * h - s * w, y + s * h + c * w
     x1, y1 = x - c * h - s * w, y - s * h + c * w
@@ -54,10 +66,9 @@ def _faces(x, y, heading, length, width, faces):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _reach(faces, count, angle):  # type: ignore[no-untyped-def]
-    """Distance to the faces along a ray that meets them."""
+def _reach(faces, count, angle, ux, uy):  # type: ignore[no-untyped-def]
+    """Distance to the faces along a ray that meets them, in the direction (ux, uy) of the angle."""
     best, miss = math.inf, math.inf
-    ux, uy = math.cos(angle), math.sin(angle)
     for f in range(count):
         ax, ay, bx, by = faces[f, 0], faces[f, 1], faces[f, 2], faces[f, 3]
         off = max(faces[f, 4] - angle, angle - faces[f, 5], 0.0)
@@ -116,13 +127,12 @@ def _subtract(hidden, count, low, high, open_):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _second_point(px, py, x, y, heading, length, further):  # type: ignore[no-untyped-def]
+def _second_point(px, py, x, y, c, s, length, further):  # type: ignore[no-untyped-def]
     """The point `further` from the body's end towards the radar, as far aside as its visible point (px, py).
 
-    It keeps its place on the body, whatever of the body is in view: a truck that is passed slides out of
-    the field of view, its axle does not slide along it.
+    It keeps its place on the body, whose heading's cosine and sine are c and s, whatever of it is in view: a
+    truck that is passed slides out of the field of view, its axle does not slide along it.
     """
-    c, s = math.cos(heading), math.sin(heading)
     across = c * (py - y) - s * (px - x)
     end = max(0.5 * length - 0.5, 0.0)
     along = min(max(further - 0.5 * length, -end), end)
@@ -145,7 +155,9 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
     """Sightings of n vehicles into `out`, which is NaN before."""
     n, M = objects.forward_m.shape
     faces, count = np.empty((M, 2, 6)), np.zeros(M, np.int64)
-    low, high, near, far = np.empty(M), np.empty(M), np.empty(M), np.empty(M)
+    cos, sin = np.empty(M), np.empty(M)  # of the headings
+    low, high = np.empty(M), np.empty(M)
+    near, far = np.empty(M), np.empty(M)  # squared
     hidden, open_ = np.empty((M, 2)), np.empty((M + 1, 2))
     hiding = np.empty(M, np.int64)  # those in view that can hide others: few among the posts
     for i in range(n):
@@ -157,17 +169,17 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
             if objects.handle[i, m] == -1:
                 continue
             x, y = objects.forward_m[i, m] - radar.forward, objects.left_m[i, m] - radar.left
-            count[m] = _faces(
-                x, y, objects.heading_rad[i, m], objects.length_m[i, m], objects.width_m[i, m], faces[m]
-            )
+            cos[m], sin[m] = math.cos(objects.heading_rad[i, m]), math.sin(objects.heading_rad[i, m])
+            count[m] = _faces(x, y, cos[m], sin[m], objects.length_m[i, m], objects.width_m[i, m], faces[m])
             low[m], high[m], near[m], far[m] = math.inf, -math.inf, math.inf, 0.0
             for f in range(count[m]):
                 ax, ay, bx, by = faces[m, f, 0], faces[m, f, 1], faces[m, f, 2], faces[m, f, 3]
                 low[m], high[m] = min(low[m], faces[m, f, 4]), max(high[m], faces[m, f, 5])
                 dx, dy = bx - ax, by - ay
                 t = min(max(-(ax * dx + ay * dy) / (dx * dx + dy * dy), 0.0), 1.0)
-                near[m] = min(near[m], math.hypot(ax + t * dx, ay + t * dy))
-                far[m] = max(far[m], math.hypot(ax, ay), math.hypot(bx, by))
+                x, y = ax + t * dx, ay + t * dy
+                near[m] = min(near[m], x * x + y * y)
+                far[m] = max(far[m], ax * ax + ay * ay, bx * bx + by * by)
         hiders = 0
         for m in range(M):
             if count[m] > 0 and max(objects.length_m[i, m], objects.width_m[i, m]) >= radar.least_hiding:
@@ -186,12 +198,18 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
                     continue
                 middle = 0.5 * (a + b)
                 hides = far[k] <= near[m]
-                if hides or _reach(faces[k], count[k], middle) < _reach(faces[m], count[m], middle):
+                if not hides:
+                    ux, uy = math.cos(middle), math.sin(middle)
+                    reach = _reach(faces[k], count[k], middle, ux, uy)
+                    hides = reach < _reach(faces[m], count[m], middle, ux, uy)
+                if hides:
                     hidden[covers, 0], hidden[covers, 1] = a, b
                     covers += 1
             left = _subtract(hidden, covers, low[m], high[m], open_)
             nearest, px, py, angle = math.inf, 0.0, 0.0, 0.0
             for beam in range(radar.beam_angle.size):
+                if near[m] > _BEYOND * radar.beam_range[beam] * radar.beam_range[beam]:
+                    continue
                 edge, best, bx, by, seen = radar.beam_angle[beam], math.inf, 0.0, 0.0, 0.0
                 for j in range(left):
                     a, b = max(open_[j, 0], -edge), min(open_[j, 1], edge)
@@ -206,8 +224,7 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
                         nearest, px, py = best, bx, by
             if nearest == math.inf:
                 continue
-            heading, speed = objects.heading_rad[i, m], objects.speed_mps[i, m]
-            vx, vy = speed * math.cos(heading), speed * math.sin(heading)
+            vx, vy = objects.speed_mps[i, m] * cos[m], objects.speed_mps[i, m] * sin[m]
             out.vx_mps[i, m], out.vy_mps[i, m] = vx, vy
             out.range_m[i, m] = nearest
             out.azimuth_rad[i, m] = math.atan2(py, px)
@@ -217,7 +234,7 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
             out.share[i, m] = angle / (high[m] - low[m])
             if objects.length_m[i, m] >= radar.long_body:
                 x, y = objects.forward_m[i, m] - radar.forward, objects.left_m[i, m] - radar.left
-                sx, sy = _second_point(px, py, x, y, heading, objects.length_m[i, m], radar.second)
+                sx, sy = _second_point(px, py, x, y, cos[m], sin[m], objects.length_m[i, m], radar.second)
                 r, azimuth = math.hypot(sx, sy), math.atan2(sy, sx)
                 clear = False
                 for j in range(left):
@@ -233,10 +250,12 @@ def _may_be_seen(forward, left, size, edges, radar):  # type: ignore[no-untyped-
 
     edges (beams, 2) : cosine and sine of their angles.
     """
+    if not forward > -size:
+        return False
     r = math.hypot(forward, left)
     for k in range(radar.beam_angle.size):
         outside = abs(left) * edges[k, 0] - forward * edges[k, 1]
-        if r - size <= radar.beam_range[k] and outside <= size and forward > -size:
+        if r - size <= radar.beam_range[k] and outside <= size:
             return True
     return False
 
@@ -283,10 +302,14 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, most):  # type: ign
         edges[k, 0], edges[k, 1] = math.cos(radar.beam_angle[k]), math.sin(radar.beam_angle[k])
         furthest = max(furthest, radar.beam_range[k] + 30.0)
     back_x, back_y = np.empty(vehicles), np.empty(vehicles)  # from the centre to the front bumper
+    size = np.empty(vehicles + posts)  # half-diagonals
     for k in range(vehicles):
         half = 0.5 * snapshot.length_m[k]
         back_x[k] = half * math.cos(snapshot.heading_rad[k])
         back_y[k] = half * math.sin(snapshot.heading_rad[k])
+        size[k] = math.hypot(0.5 * snapshot.length_m[k], 0.5 * snapshot.width_m[k])
+    for k in range(posts):
+        size[vehicles + k] = 0.5 * math.hypot(roadside.length_m[k], roadside.width_m[k])
     for i in range(n):
         if not (math.isfinite(x[i]) and math.isfinite(y[i])):
             continue
@@ -299,16 +322,14 @@ def gather(handle, x, y, heading, snapshot, roadside, radar, most):  # type: ign
             dx -= back_x[k]
             dy -= back_y[k]
             forward, left = c * dx + s * dy, c * dy - s * dx
-            size = math.hypot(0.5 * snapshot.length_m[k], 0.5 * snapshot.width_m[k])
-            if _may_be_seen(forward - radar.forward, left - radar.left, size, edges, radar):
+            if _may_be_seen(forward - radar.forward, left - radar.left, size[k], edges, radar):
                 index[found], distance[found] = k, math.hypot(forward, left)
                 found += 1
         first = _first_from(roadside.x_m, x[i] - furthest)
         while first < posts and roadside.x_m[first] <= x[i] + furthest:
             dx, dy = roadside.x_m[first] - x[i], roadside.y_m[first] - y[i]
             forward, left = c * dx + s * dy, c * dy - s * dx
-            size = 0.5 * math.hypot(roadside.length_m[first], roadside.width_m[first])
-            if _may_be_seen(forward - radar.forward, left - radar.left, size, edges, radar):
+            if _may_be_seen(forward - radar.forward, left - radar.left, size[vehicles + first], edges, radar):
                 index[found], distance[found] = vehicles + first, math.hypot(forward, left)
                 found += 1
             first += 1
