@@ -244,14 +244,10 @@ def gather(frame, rows, t, noise, work):  # type: ignore[no-untyped-def]
                 on_body = r >= behind and first <= column <= last
                 visible = not on_body and not is_hidden(column, rows[r], work.hidden)
             work.expected[side, r] = visible
-            half = (
-                min(
-                    t.gate * line_spread(side, r, scale, work) + t.reach_m * scale, t.furthest_aside_m * scale
-                )
-                + t.reach_px
-            )
+            spread = line_spread(side, r, scale, work)
+            half = min(t.gate * spread + t.reach_m * scale, t.furthest_aside_m * scale) + t.reach_px
             # where the prediction hardly tells one line from the next, a ridge would mislead
-            sure = line_spread(side, r, scale, work) < t.unsure_m * scale + 1.0
+            sure = spread < t.unsure_m * scale + 1.0
             if sure and column > -half and column < width + half:
                 if r + 1 < rows.shape[0] and not math.isnan(work.border[side, r + 1, 0]):
                     lean = (work.border[side, r + 1, 0] - column) / (rows[r + 1] - rows[r])
@@ -286,13 +282,13 @@ def gather(frame, rows, t, noise, work):  # type: ignore[no-untyped-def]
 def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: ignore[no-untyped-def]
     """Update x (start value in, estimate out) from `predicted` with information work.prior and candidates.
 
-    width: how many times work.spread the association starts with. The posterior information is left in
-    work.information. False where it fails.
+    The borders of the start value are where predict_spread placed them. width: how many times work.spread the
+    association starts with. The posterior information is left in work.information. False where it fails.
     """
-    bases(phase, work.first, work.area)
     J, gradient, information = work.J, work.gradient, work.information
-    for _ in range(iterations):
-        place_borders(x, phase, rows, p, t, work)
+    for iteration in range(iterations):
+        if iteration:
+            place_borders(x, phase, rows, p, t, work)
         for i in range(STATES):
             g = 0.0
             for j in range(STATES):
