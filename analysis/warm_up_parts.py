@@ -11,12 +11,13 @@ import numpy as np
 
 def lane() -> None:
     """Compile the lane tracker."""
-    from camera_synth.camera import Camera, projection
+    from camera_synth.camera import Camera, projection, vehicle_from_image
     from camera_synth.render import new_frames
     from plugin.lane import refine
     from plugin.vision import JUDGED_Y
 
     p = projection(Camera())
+    vehicle_from_image(p.center_x, 1.0, p)
     state, _ = refine.step(new_frames(1), None, None, refine.init(1), p, np.zeros(1), refine.Refine())
     refine.parabolas(state, refine.border_columns(state, JUDGED_Y, p), JUDGED_Y)
 
@@ -35,21 +36,24 @@ def picture() -> None:
 
 
 def borders() -> None:
-    """Compile where a lane's true borders are, by themselves."""
+    """Compile where a lane's true borders are, by themselves, and whether those found lie on them."""
     from camera_synth.camera import Camera, projection
     from camera_synth.truth import border_columns
+    from plugin.recognition_kernels import ROWS, judge
     from sumo_net.road import OWN_RIGHT
 
     road, none, pose, looks = _scene()
-    border_columns(projection(Camera()), road, none, np.array([OWN_RIGHT]), looks, pose)
+    truth = border_columns(projection(Camera()), road, none, np.array([OWN_RIGHT]), looks, pose)
+    judge(truth.column, truth.painted, np.zeros((1, 2, ROWS)), 0.0, 0.0, np.zeros(1, np.int8))
 
 
 def search() -> None:
     """Compile the published search."""
+    from camera_synth.camera import Camera
     from camera_synth.render import new_frames
     from plugin.lane import genetic
 
-    numbers = genetic.search_numbers(genetic.GeneticSearch())
+    numbers = genetic.search_numbers(genetic.fitted_to(genetic.GeneticSearch(), Camera()))
     genetic.search(new_frames(1), genetic.init(np.zeros(1, np.uint64)), numbers)
 
 
@@ -68,8 +72,9 @@ def _scene() -> tuple[Any, ...]:
 
 
 def motion() -> None:
-    """Compile observer, prediction, lane-departure warning and what judges them, in the default settings."""
+    """Compile own sensors, observer, prediction, lane-departure warning and what judges them, by default."""
     from camera_synth.camera import Camera
+    from ego_synth import sensors
     from plugin.ground_truth import Judge
     from plugin.lane.estimate import LaneEstimate
     from plugin.motion import observer, prediction
@@ -81,6 +86,7 @@ def motion() -> None:
     from sumo_net.vehicle import Vehicle
 
     vehicle, still, no = Vehicle(), np.zeros(1), np.zeros(1, np.bool_)
+    sensors.read(sensors.EgoSensors(), sensors.init(sensors.EgoSensors(), 0, ["one"]), *(still,) * 4)
     schedule = observer.schedule(vehicle, Camera().preview_m, observer.ObserverSettings())
     lane = LaneEstimate(no, *(still,) * 8, no, no, np.zeros(1, np.int8))
     _, known = observer.step(observer.init(1, schedule), schedule, lane, still, OwnReadings(still, still))
@@ -99,7 +105,7 @@ def motion() -> None:
 def scans() -> None:
     """Compile the radar."""
     from radar_synth.radar import OwnMotion, Radar
-    from radar_synth.scan import scan
+    from radar_synth.scan import flatten, scan
     from radar_synth.visibility import objects_in_view
     from sumo_net.surroundings import Objects
 
@@ -108,7 +114,8 @@ def scans() -> None:
     one = np.zeros((1, 1))
     body = Objects(np.zeros((1, 1), np.int64), *(one + value for value in (30.0, 0, 0, 9, 4, 2, 1.5)))
     still, keys = np.zeros(1), np.zeros(1, np.uint64)
-    scan(Radar(), body, OwnMotion(still, still, still), keys, np.zeros(1, np.int64))
+    reported, _, _ = scan(Radar(), body, OwnMotion(still, still, still), keys, np.zeros(1, np.int64))
+    flatten(reported)
 
 
 def tracks() -> None:
@@ -127,18 +134,18 @@ def leaders() -> None:
     """Compile how the vehicles ahead are followed and warned of, as in the default settings."""
     from camera_synth.camera import Camera, projection
     from camera_synth.render import new_frames
+    from plugin.lane.hidden import hidden_by
     from plugin.motion.estimate import MotionEstimate
+    from plugin.ranging import bodies_ahead
+    from plugin.ranging_kernels import rears
     from plugin.tracking import rear_view
     from plugin.tracking.closing import Closing, ClosingFilter
-    from plugin.tracking.detections import Detections, Estimate, at_rest, sensor_motion
+    from plugin.tracking.detections import Detections, at_rest, sensor_motion
     from plugin.tracking.models import RadarNoise
-    from plugin.tracking.tracker import TrackList
     from plugin.warning import collision
 
     p, still, no, nobody = projection(Camera()), np.zeros(1), np.zeros(0), np.zeros(0, np.int64)
-    found = TrackList(
-        nobody, nobody, nobody, nobody != 0, nobody, nobody.astype(np.int8), nobody, Estimate(*(no,) * 10)
-    )
+    found, row = _no_tracks(), np.full(1, -1)
     seen = rear_view.look(new_frames(1), rear_view.nobody_watched(1), p)
     warned = collision.init(1)
     closing = ClosingFilter(Closing(), RadarNoise(), 0.0, p)
@@ -148,15 +155,51 @@ def leaders() -> None:
     targets, options = collision.targets_from(better, no), collision.Collision()
     known = MotionEstimate(*(still,) * 10, np.zeros(1, np.int8))
     collision.step(warned, targets, known, still, still, still, options)
+    collision.time_by_tracks(found, row, still, options)
+    rears(found.estimate, row, still, still, 0.1)
     rear_view.watch(np.zeros(1, np.int64), (still, still), (still, still), seen, still, p)
+    hidden_by(bodies_ahead(found, no, still, still), 1, p, 0.0)
+
+
+def scores() -> None:
+    """Compile what radar tracks and warnings are judged by, and the tables' numbers."""
+    from plugin import track_truth_kernels
+    from plugin.conflicts import ConflictBook, in_view, nobody
+    from plugin.record_kernels import rounded
+    from plugin.track_truth import Followed
+    from radar_synth.radar import ScanTruth
+    from sumo_net.surroundings import Objects
+
+    one, still, none = np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 1))
+    objects = Objects(np.zeros((1, 1), np.int64), *(none,) * 7)
+    behind = ScanTruth(np.zeros((1, 1), np.int64), np.zeros((1, 1), np.int8), *(none,) * 5)
+    tracks, no = _no_tracks(), np.zeros(0, np.int64)
+    before = Followed(no, no, no.astype(np.int8))
+    _, target, _, shown, floats = track_truth_kernels.follow(
+        one, tracks, (no, no), behind, objects, before, still, 0.0, 0.0
+    )
+    track_truth_kernels.rows(one, tracks, tracks.confirmed, target, shown, floats, tracks.confirmed)
+    seen = in_view(objects, none, one)
+    ConflictBook().add(0.0, one, nobody(1), nobody(1), seen, still, np.zeros(1, np.int8), still)
+    rounded(still, 1.0)
+
+
+def _no_tracks() -> Any:
+    from plugin.tracking.detections import Estimate
+    from plugin.tracking.tracker import TrackList
+
+    no = np.zeros(0, np.int64)
+    return TrackList(no, no, no, no != 0, no, no.astype(np.int8), no, Estimate(*(np.zeros(0),) * 10))
 
 
 def own_drive() -> None:
     """Compile how the equipped vehicles are driven, and what is ahead of them."""
     from plugin.conflicts import path_leaders
+    from sumo_net.bend_speed_kernels import bend_speeds
     from sumo_net.driver import Driver, attentive, numbers, traits
     from sumo_net.ego import Ego, standing
     from sumo_net.ego_road_kernels import onto_paths
+    from sumo_net.randomness import uniform, uniforms
     from sumo_net.road_store import RoadStore
     from sumo_net.surroundings import MAX_OBJECTS, Objects
     from sumo_net.vehicle import Vehicle, model
@@ -173,16 +216,21 @@ def own_drive() -> None:
     )  # fmt: skip
     bodies = Objects(np.zeros((0, MAX_OBJECTS), np.int64), *(np.zeros((0, MAX_OBJECTS)),) * 7)
     path_leaders(truth, bodies, table, vehicle.bumper_m)
+    bend_speeds(table, truth.path, no, no, 0.0, 0.0)
+    uniform(np.uint64(0), 0)
+    uniforms(np.zeros(0, np.uint64), 0)
 
 
 def surroundings() -> None:
     """Compile what road is ahead of the equipped vehicles, who is around them, and who drives ahead."""
     from plugin.conflicts import LaneOrder
+    from sumo_net.frames import heading_from_sumo_angle
     from sumo_net.road_kernels import ahead
     from sumo_net.road_store import RoadStore
     from sumo_net.surroundings import objects_around
 
     no, one, at = np.zeros(0), np.zeros(1, np.int64), _snapshot(1)
+    heading_from_sumo_angle(no)
     ahead(RoadStore().table, np.zeros(0, np.int32), no, no, no)
     pose: Any = SimpleNamespace(handle=one, x_m=at.x_m, y_m=at.y_m, heading_rad=at.heading_rad)
     objects_around(pose, at)
@@ -207,4 +255,4 @@ def _snapshot(n: int) -> Any:
 
 
 # the longest first, so that neither process waits long for the other's last
-PARTS = (lane, picture, motion, own_drive, tracks, leaders, scans, surroundings, search, borders, tables)
+PARTS = (lane, picture, motion, own_drive, leaders, tracks, scans, scores, search, surroundings, borders, tables)
