@@ -23,27 +23,19 @@ def lane() -> None:
 
 
 def picture() -> None:
-    """Compile the renderer."""
+    """Compile the renderer, where a lane's true borders are, and whether those found lie on them."""
     from camera_synth.camera import PROCESSED_FROM, Camera, projection
     from camera_synth.render import new_frames, render
-    from camera_synth.truth import new_border_columns
-    from sumo_net.road import OWN_RIGHT
-
-    road, none, pose, looks = _scene()
-    keys, start = np.zeros(1, np.uint64), np.zeros(1, np.int64)
-    truth = start + OWN_RIGHT, new_border_columns(1)
-    render(new_frames(1), projection(Camera()), road, none, pose, looks, keys, start, PROCESSED_FROM, truth)
-
-
-def borders() -> None:
-    """Compile where a lane's true borders are, by themselves, and whether those found lie on them."""
-    from camera_synth.camera import Camera, projection
-    from camera_synth.truth import border_columns
+    from camera_synth.truth import border_columns, new_border_columns
     from plugin.recognition_kernels import ROWS, judge
     from sumo_net.road import OWN_RIGHT
 
-    road, none, pose, looks = _scene()
-    truth = border_columns(projection(Camera()), road, none, np.array([OWN_RIGHT]), looks, pose)
+    p, (road, none, pose, looks) = projection(Camera()), _scene()
+    keys, start, own = np.zeros(1, np.uint64), np.zeros(1, np.int64), np.array([OWN_RIGHT])
+    render(
+        new_frames(1), p, road, none, pose, looks, keys, start, PROCESSED_FROM, (own, new_border_columns(1))
+    )
+    truth = border_columns(p, road, none, own, looks, pose)
     judge(truth.column, truth.painted, np.zeros((1, 2, ROWS)), 0.0, 0.0, np.zeros(1, np.int8))
 
 
@@ -254,5 +246,6 @@ def _snapshot(n: int) -> Any:
     return at._replace(lane=np.zeros(n, np.int32))
 
 
-# the longest first, so that neither process waits long for the other's last
-PARTS = (lane, picture, motion, own_drive, leaders, tracks, scans, scores, search, surroundings, borders, tables)
+# The longest first, so that neither process waits long for the other's last. What calls the same large inner
+# kernels is one part: these are not kept for the other process.
+PARTS = (lane, picture, motion, own_drive, leaders, tracks, scans, search, scores, surroundings, tables)

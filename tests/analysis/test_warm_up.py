@@ -13,7 +13,7 @@ import numba
 from analysis import warm_up
 from analysis.fork_server import ForkServer
 from analysis.simulate import simulate
-from analysis.warm_up_parts import PARTS, borders
+from analysis.warm_up_parts import PARTS, surroundings
 from plugin.lane import refine_kernels
 from sumo_net.compile import KERNELS
 
@@ -80,7 +80,7 @@ def test_what_the_helper_has_taken_is_not_done_again(monkeypatch):
 
 def test_a_helper_whose_parent_is_gone_takes_no_more_than_one_part():
     waiting, filled = os.pipe()
-    os.write(filled, bytes([PARTS.index(borders)] * 3))
+    os.write(filled, bytes([PARTS.index(surroundings)] * 3))
     os.close(filled)
     read, said = os.pipe()
     os.close(read)
