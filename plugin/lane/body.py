@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from plugin.lane.road_model import LEFT, RIGHT
 from sumo_net.compile import kernel
 
@@ -26,9 +28,9 @@ def body_ahead(frame, rows, work):  # type: ignore[no-untyped-def]
         if low < 1 or high > width - 1 or high - low < 2:
             continue
         line = frame[height - 1 - int(rows[r])]
-        total = 0.0
+        total = np.int32(0)
         for j in range(low, high):
-            total += line[j]
+            total += np.int32(line[j])
         grey = total / (high - low)
         apart = max(BODY_CONTRAST, BODY_SHARE * road)
         if road < 0.0 or abs(grey - road) < apart:

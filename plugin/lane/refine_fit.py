@@ -244,8 +244,11 @@ def gather(frame, rows, t, noise, work):  # type: ignore[no-untyped-def]
                 on_body = r >= behind and first <= column <= last
                 visible = not on_body and not is_hidden(column, rows[r], work.hidden)
             work.expected[side, r] = visible
+            furthest = t.furthest_aside_m * scale
+            if not -furthest - t.reach_px < column < width + furthest + t.reach_px:
+                continue
             spread = line_spread(side, r, scale, work)
-            half = min(t.gate * spread + t.reach_m * scale, t.furthest_aside_m * scale) + t.reach_px
+            half = min(t.gate * spread + t.reach_m * scale, furthest) + t.reach_px
             # where the prediction hardly tells one line from the next, a ridge would mislead
             sure = spread < t.unsure_m * scale + 1.0
             if sure and column > -half and column < width + half:

@@ -19,9 +19,9 @@ def road_noise(frame, row, first, last):  # type: ignore[no-untyped-def]
     lo, hi = max(0, int(first)), min(frame.shape[1] - 1, int(last))
     if hi - lo < 4:
         return math.nan
-    total = np.int64(0)
-    for j in range(lo, hi):
-        total += abs(np.int64(frame[row, j + 1]) - np.int64(frame[row, j]))
+    line, total = frame[row, lo : hi + 1], np.int32(0)
+    for j in range(hi - lo):
+        total += abs(np.int32(line[j + 1]) - np.int32(line[j]))
     return total / (hi - lo)
 
 
