@@ -57,6 +57,9 @@ class Refine:
     pitch_std_rad: float = Field(0.002, ge=0, description="of the vehicle's pitch against the calibration")
     pitch_time_s: float = Field(0.3, gt=0, description="correlation time of that")
     bend_std_1pm: float = Field(6e-4, gt=0, description="change of curvature over 15 m of unseen road")
+    bend_std_mps2: float = Field(
+        0.4, ge=0, description="that in lateral acceleration at the own speed, where it is more: streets"
+    )
     confirm_frames: int = Field(2, ge=0, description="frames that must follow a weak start")
     patience_frames: int = Field(15, ge=0, description="frames in a row without the lane until it is lost")
     one_sided_frames: int = Field(80, ge=0, description="frames with one border only until the lane is lost")
@@ -89,6 +92,7 @@ class Tuning(NamedTuple):
     pitch_std: float
     pitch_keep: float
     bend_std: float
+    bend_std_mps2: float
     confirm_frames: int
     patience_frames: int
     one_sided_frames: int
@@ -109,6 +113,7 @@ class Tuning(NamedTuple):
     reach_px: float = 2.5
     furthest_aside_m: float = 1.2  # but not as far as the next lane's lines
     unsure_m: float = 0.5  # a standard deviation beyond which a row is not looked at
+    bend_slow_mps: float = 14.0  # slower than this, any road is driven at times
     bend_most_mps2: float = 5.0  # lateral acceleration in the bends ahead that a road asks for
     bend_slope: float = 0.3  # and how much of the change from the one before goes on
     bend_keep: float = 0.95  # of the last knot's curvature in a new one
@@ -200,6 +205,7 @@ def tuning(refine: Refine, preview_m: float) -> Tuning:
         max(refine.pitch_std_rad, 1e-6),
         math.exp(-refine.step_s / refine.pitch_time_s),
         refine.bend_std_1pm,
+        refine.bend_std_mps2,
         refine.confirm_frames,
         refine.patience_frames,
         refine.one_sided_frames,
