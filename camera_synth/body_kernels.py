@@ -298,10 +298,15 @@ def hide(column, bodies):  # type: ignore[no-untyped-def]
                 continue
             vertex, used = bodies.vertex[b, q], bodies.vertices[b, q]
             bottom, top = bodies.bottom[b, q], bodies.top[b, q]
+            least, most = math.inf, -math.inf
+            for c in range(used):
+                least, most = min(least, vertex[c, 0]), max(most, vertex[c, 0])
+            least, most = least - 1.0, most + 1.0  # what lies on an edge is asked, however that is rounded
             for y in range(max(math.ceil(bottom), 0), math.floor(min(top, column.shape[0] - 1.0)) + 1):
-                left, right = _span(vertex, used, y)
-                if left <= column[y] <= right:
-                    column[y] = math.nan
+                if least < column[y] < most:
+                    left, right = _span(vertex, used, y)
+                    if left <= column[y] <= right:
+                        column[y] = math.nan
 
 
 @inlined
