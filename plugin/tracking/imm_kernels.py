@@ -4,7 +4,10 @@ import math
 
 import numpy as np
 
+from plugin.tracking.block_kernels import BLOCK, Block, put, take
+from plugin.tracking.block_kernels import update as update_block
 from plugin.tracking.kalman_kernels import (
+    LOG_TWO_PI,
     MEASURED,
     MEASURES,
     STATES,
@@ -12,7 +15,6 @@ from plugin.tracking.kalman_kernels import (
     copy,
     innovation,
     predict_one,
-    update_one,
 )
 from sumo_net.compile import inlined, kernel
 from sumo_net.scratch import scratch
@@ -77,32 +79,51 @@ def update(x, P, mu, z, chosen, R, angle):  # type: ignore[no-untyped-def]
     covariance is not positive definite, `sound` (T,), which is given back, is False and the probabilities
     stay as predicted.
     """
-    tracks, r, m = len(chosen), x.shape[1], MEASURED
-    sound, log_mu = np.ones(tracks, np.bool_), np.empty(r)
-    y, S, one_R, one_P = scratch(m), scratch((m, m)), scratch((m, m)), scratch((STATES, STATES))
+    tracks, r = len(chosen), x.shape[1]
+    sound, log_likelihood = np.ones(tracks, np.bool_), np.empty((tracks, r))
+    y, one_R, places, used = scratch(MEASURED), scratch((MEASURED, MEASURED)), np.empty(BLOCK, np.int64), 0
+    block = Block(
+        scratch((STATES, BLOCK)), scratch((STATES, STATES, BLOCK)), scratch((MEASURED, BLOCK)),
+        scratch(BLOCK), scratch(BLOCK),
+    )  # fmt: skip
     copy(R, one_R)
-    for t in range(tracks):
-        if chosen[t] < 0:
-            continue
-        highest = -math.inf
-        for j in range(r):
+    for one in range(tracks * r):
+        t, j = one // r, one % r
+        if chosen[t] >= 0:
             innovation(x[t, j], z[chosen[t]], angle, y)
-            copy(P[t, j], one_P)
-            log_likelihood = update_one(x[t, j], one_P, y, one_R, S)
-            copy(one_P, P[t, j])
-            if math.isnan(log_likelihood):
-                sound[t] = False
-            log_mu[j] = log_likelihood + (math.log(mu[t, j]) if mu[t, j] > 0.0 else -math.inf)
-            highest = max(highest, log_mu[j])
-        if not sound[t]:
-            continue
-        total = 0.0
-        for j in range(r):
-            mu[t, j] = math.exp(log_mu[j] - highest)
-            total += mu[t, j]
-        for j in range(r):
-            mu[t, j] /= total
+            put(block, used, x[t, j], P[t, j], y)
+            places[used] = one
+            used += 1
+        if used == BLOCK or one == tracks * r - 1:
+            update_block(block, used, one_R)
+            for place in range(used):
+                t, j = places[place] // r, places[place] % r
+                squared, determinant = block.squared[place], block.determinant[place]
+                likelihood = -0.5 * (MEASURED * LOG_TWO_PI + squared) - math.log(determinant)
+                log_likelihood[t, j] = likelihood
+                if math.isnan(likelihood):
+                    sound[t] = False
+                else:
+                    take(block, place, x[t, j], P[t, j])
+            used = 0
+    for t in range(tracks):
+        if chosen[t] >= 0 and sound[t]:
+            weigh(log_likelihood[t], mu[t])
     return sound
+
+
+@inlined
+def weigh(log_likelihood, mu):  # type: ignore[no-untyped-def]
+    """Step 3 in place: mode probabilities mu (r,) by the models' log-likelihoods (r,), which are used up."""
+    r, highest, total = len(mu), -math.inf, 0.0
+    for j in range(r):
+        log_likelihood[j] += math.log(mu[j]) if mu[j] > 0.0 else -math.inf
+        highest = max(highest, log_likelihood[j])
+    for j in range(r):
+        mu[j] = math.exp(log_likelihood[j] - highest)
+        total += mu[j]
+    for j in range(r):
+        mu[j] /= total
 
 
 @kernel

@@ -181,6 +181,16 @@ def innovation(x, z, angle, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def innovation_covariance(P, R, PHt, S):  # type: ignore[no-untyped-def]
+    """P Hᵀ (n, m) and S = H P Hᵀ + R (m, m) into `PHt` and `S`."""
+    for j in range(MEASURED):
+        for i in range(STATES):
+            PHt[i, j] = P[i, MEASURES[j]]
+        for i in range(MEASURED):
+            S[i, j] = R[i, j] + P[MEASURES[i], MEASURES[j]]
+
+
+@inlined
 def update_one(x, P, y, R, S):  # type: ignore[no-untyped-def]
     """Update x (n,) and P (n, n) in place with the innovation y (m,); give its log-likelihood.
 
@@ -188,11 +198,7 @@ def update_one(x, P, y, R, S):  # type: ignore[no-untyped-def]
     changed and the likelihood is NaN.
     """
     K, L = scratch((STATES, MEASURED)), scratch((MEASURED, MEASURED))
-    for j in range(MEASURED):
-        for i in range(STATES):
-            K[i, j] = P[i, MEASURES[j]]
-        for i in range(MEASURED):
-            S[i, j] = R[i, j] + P[MEASURES[i], MEASURES[j]]
+    innovation_covariance(P, R, K, S)
     log_likelihood = gain(S, L, y, K)
     if not math.isnan(log_likelihood):
         for i in range(STATES):

@@ -9,6 +9,7 @@ from scipy.special import expit
 from scipy.stats import multivariate_normal
 
 from plugin.tracking import imm, kalman
+from plugin.tracking.block_kernels import BLOCK
 from plugin.tracking.models import POLAR_H, PUBLISHED_MOTION, RadarNoise, polar_models
 
 R = RadarNoise().covariance
@@ -123,6 +124,29 @@ def test_a_broken_covariance_is_flagged() -> None:
     state, sound = imm.update(state, x @ POLAR_H.T, np.ones(2, np.bool_), R)
     assert sound.tolist() == [True, False]
     np.testing.assert_allclose(state.mu.sum(axis=1), 1.0)
+
+
+def test_a_track_in_a_block_is_what_it_is_alone() -> None:
+    """Some tracks without a measurement, two with a broken covariance of one model: no other feels it."""
+    rng = np.random.default_rng(9)
+    tracks = 2 * BLOCK + 5
+    x, P = start(manoeuvre(rng, tracks, 1)[0])
+    F = polar_models(("ca",), PUBLISHED_MOTION).transition(np.array([0.1]))[0][0]
+    P = kalman.predict(kalman.Gaussian(x, P), F, rng.random((tracks, 1, 1)) * P).P
+    state = imm.init(x, P, np.array([0.3, 0.7]))
+    broken = np.array([3, BLOCK + 1])
+    state.P[broken, 1, 0, 0] = -5.0
+    z, seen = manoeuvre(rng, tracks, 1)[0], rng.random(tracks) < 0.8
+    seen[broken] = True
+    together, sound = imm.update(state, z, seen, R)
+    assert np.flatnonzero(~sound).tolist() == broken.tolist()
+    np.testing.assert_array_equal(together.mu[broken], state.mu[broken])
+    for t in range(tracks):
+        for j in range(2):
+            alone = kalman.Gaussian(state.x[t : t + 1, j], state.P[t : t + 1, j])
+            alone, _ = kalman.update(alone, z[t : t + 1], seen[t : t + 1], R)
+            np.testing.assert_array_equal(together.x[t, j], alone.x[0])
+            np.testing.assert_array_equal(together.P[t, j], alone.P[0])
 
 
 def test_order_and_size_of_the_batch_change_nothing() -> None:

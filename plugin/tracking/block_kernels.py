@@ -1,0 +1,99 @@
+"""Kernels of the Kalman update of many tracks at once.
+
+The sizes of tracking are too small for vectors of eight numbers; tracks are not. Within a block the numbers
+of neighbouring tracks lie side by side and nothing branches, so that each instruction does eight of them.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from plugin.tracking.kalman_kernels import (
+    MEASURED,
+    STATES,
+    innovation_covariance,
+    joseph,
+    mahalanobis,
+    solve_cholesky,
+)
+from sumo_net.compile import inlined
+from sumo_net.scratch import scratch
+
+BLOCK = 64
+
+
+class Block(NamedTuple):
+    """Up to BLOCK tracks, along the last axis."""
+
+    x: Any  # (n, BLOCK)
+    P: Any  # (n, n, BLOCK), of which the lower triangle is used
+    y: Any  # (m, BLOCK) innovations
+    squared: Any  # (BLOCK,) yᵀ S⁻¹ y, of the last update
+    determinant: Any  # (BLOCK,) of the root of S; NaN where S was not positive definite
+
+
+@inlined
+def put(block, place, x, P, y):  # type: ignore[no-untyped-def]
+    """A track's x (n,), P (n, n) and innovation y (m,) into its place of the block."""
+    for i in range(STATES):
+        block.x[i, place] = x[i]
+        for j in range(i + 1):
+            block.P[i, j, place] = P[i, j]
+    for i in range(MEASURED):
+        block.y[i, place] = y[i]
+
+
+@inlined
+def take(block, place, x, P):  # type: ignore[no-untyped-def]
+    """What `put` has put there, as it is now, into x (n,) and P (n, n)."""
+    for i in range(STATES):
+        x[i] = block.x[i, place]
+        for j in range(i + 1):
+            P[i, j] = block.P[i, j, place]
+            P[j, i] = P[i, j]
+
+
+@inlined
+def update(block, used, R):  # type: ignore[no-untyped-def]
+    """Joseph-form update of the first `used` tracks; one whose S is not positive definite is lost."""
+    for place in range(used):
+        _update_one(block, place, R)
+
+
+@inlined
+def _update_one(block, place, R):  # type: ignore[no-untyped-def]
+    x, P, y = scratch(STATES), scratch((STATES, STATES)), scratch(MEASURED)
+    K, S, L = scratch((STATES, MEASURED)), scratch((MEASURED, MEASURED)), scratch((MEASURED, MEASURED))
+    take(block, place, x, P)
+    for i in range(MEASURED):
+        y[i] = block.y[i, place]
+    innovation_covariance(P, R, K, S)
+    definite = _cholesky(S, L)
+    block.squared[place] = mahalanobis(L, y, scratch(MEASURED))
+    determinant = 1.0
+    for j in range(MEASURED):
+        determinant *= L[j, j]
+        L[j, j] = 1.0 / L[j, j]
+    block.determinant[place] = determinant if definite else math.nan
+    solve_cholesky(L, K)
+    for i in range(STATES):
+        for j in range(MEASURED):
+            x[i] += K[i, j] * y[j]
+    joseph(P, K, R)
+    put(block, place, x, P, y)
+
+
+@inlined
+def _cholesky(S, L):  # type: ignore[no-untyped-def]
+    """`kalman_kernels.cholesky`, but to the end also where S is not positive definite."""
+    definite = True
+    for i in range(MEASURED):
+        for j in range(i + 1):
+            total = S[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i == j:
+                definite &= total > 0.0
+                L[i, i] = math.sqrt(total)
+            else:
+                L[i, j] = total / L[j, j]
+    return definite
