@@ -17,7 +17,6 @@ from plugin.lane.acquire import (
     vote,
 )
 from plugin.lane.evidence import most_support, of_usual_width, pixel_noise, plausible, side_seen, support_of
-from plugin.lane.lane_motion import bend_std
 from plugin.lane.own_turn import expect, trust
 from plugin.lane.refine_fit import (
     cholesky,
