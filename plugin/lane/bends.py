@@ -54,7 +54,8 @@ def likelihood(x, phase, rows, p, bend, t, work):  # type: ignore[no-untyped-def
 def seek_bends(frame, x, P, phase, before, rows, p, bend, t, noise, work, room):  # type: ignore[no-untyped-def]
     """Seek the road from `odd_bend` of the fitted x on; put it into x if it is likelier, and no more so odd.
 
-    P is the prediction's covariance, `before` its state; `bend` is how much roads bend, of `bend_std`. The better fit's results are left in work.
+    P is the prediction's covariance, `before` its state; `bend` is how much roads bend, of `bend_std`. The
+    better fit's results are left in work.
     """
     first = odd_bend(x, bend, t)
     if first == KNOTS:

@@ -92,7 +92,7 @@ def continued(x, j, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def bend_std(speed, t):  # type: ignore[no-untyped-def]
-    """Standard deviation of a knot's curvature from what those before have it be, on a road driven so fast."""
+    """Standard deviation of a knot's curvature from what those before have it be, on a road so fast."""
     v = max(speed, t.bend_slow_mps)
     return max(t.bend_std, t.bend_std_mps2 / (v * v))
 
