@@ -45,10 +45,10 @@ CLEAR_M = 0.75  # closer to a border, a line may be the other one of a pair
 
 
 @kernel
-def initial_covariance(P, bend, t, lateral_std, direction_std, width_std, curvature_std):  # type: ignore[no-untyped-def]
+def initial_covariance(P, t, lateral_std, direction_std, width_std, curvature_std):  # type: ignore[no-untyped-def]
     """P of a start: an arc known by its place and direction at MIDDLE_M and its curvature, independently.
 
-    Along the road the curvature is a random walk about the arc's, by `bend` from knot to knot.
+    Along the road the curvature is a random walk about the arc's.
     """
     P[:, :] = 0.0
     for i in range(STATES):
@@ -69,7 +69,7 @@ def initial_covariance(P, bend, t, lateral_std, direction_std, width_std, curvat
     for i in range(KNOTS):
         for j in range(KNOTS):
             if (i > pivot) == (j > pivot):
-                P[KNOT + i, KNOT + j] += min(abs(i - pivot), abs(j - pivot)) * bend * bend
+                P[KNOT + i, KNOT + j] += min(abs(i - pivot), abs(j - pivot)) * t.bend_std * t.bend_std
     for j in range(KNOTS):
         P[KNOT + j, KNOT + j] += 1e-10
 

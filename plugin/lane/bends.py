@@ -19,17 +19,24 @@ FIRST = 2  # the first knot that has a course to leave
 
 
 @kernel
-def odd_bend(x, bend, t):  # type: ignore[no-untyped-def]
+def odd_bend(x, t):  # type: ignore[no-untyped-def]
     """The first knot whose curvature leaves the course of those before by more than roads do, or KNOTS."""
     for j in range(FIRST, KNOTS):
-        if abs(x[KNOT + j] - continued(x, KNOT + j, t)) > t.gate * bend:
+        if abs(x[KNOT + j] - continued(x, KNOT + j, t)) > t.gate * t.bend_std:
             return j
     return KNOTS
 
 
 @kernel
+def bend_std(speed, t):  # type: ignore[no-untyped-def]
+    """By how much roads that are driven so fast leave their course from knot to knot: streets do by more."""
+    v = max(speed, t.bend_slow_mps)
+    return max(t.bend_std, t.bend_std_mps2 / (v * v))
+
+
+@kernel
 def likelihood(x, phase, rows, p, bend, t, work):  # type: ignore[no-untyped-def]
-    """Logarithm of how likely the ridges gathered make the road x, and how likely roads bend so."""
+    """Logarithm of how likely the ridges gathered make the road x, and how likely roads bend so, ± bend."""
     place_borders(x, phase, rows, p, t, work)
     total = 0.0
     for side in range(LINES):
@@ -51,15 +58,15 @@ def likelihood(x, phase, rows, p, bend, t, work):  # type: ignore[no-untyped-def
 
 
 @kernel
-def seek_bends(frame, x, P, phase, before, rows, p, bend, t, noise, work, room):  # type: ignore[no-untyped-def]
+def seek_bends(frame, x, P, phase, speed, before, rows, p, t, noise, work, room):  # type: ignore[no-untyped-def]
     """Seek the road from `odd_bend` of the fitted x on; put it into x if it is likelier, and no more so odd.
 
-    P is the prediction's covariance, `before` its state; `bend` is how much roads bend, of `bend_std`. The
-    better fit's results are left in work.
+    P is the prediction's covariance, `before` its state. The better fit's results are left in work.
     """
-    first = odd_bend(x, bend, t)
+    first = odd_bend(x, t)
     if first == KNOTS:
         return
+    bend = bend_std(speed, t)
     followed = likelihood(x, phase, rows, p, bend, t, work)
     copy_matrix(work.information, room.kept)
     copy_matrix(work.found, room.found)
@@ -68,13 +75,13 @@ def seek_bends(frame, x, P, phase, before, rows, p, bend, t, noise, work, room):
     copy_vector(before, predicted)
     copy_matrix(P, room.covariance)
     for j in range(first, KNOTS):
-        extend(predicted, room.covariance, KNOT + j, bend, t)
+        extend(predicted, room.covariance, KNOT + j, t)
     copy_vector(predicted, trial)
     if invert(room.covariance, work.factor, work.prior):
         predict_spread(trial, room.covariance, phase, rows, p, t, work)
         gather(frame, rows, t, noise, work)
         if fit(trial, phase, predicted, rows, p, t, 1.0, t.iterations, work) and (
-            odd_bend(trial, bend, t) > first and likelihood(trial, phase, rows, p, bend, t, work) > followed
+            odd_bend(trial, t) > first and likelihood(trial, phase, rows, p, bend, t, work) > followed
         ):
             copy_vector(trial, x)
             return

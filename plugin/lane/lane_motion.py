@@ -56,7 +56,7 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
     phase += advance
     while phase >= SPACING_M:
         phase -= SPACING_M
-        _drop_knot(x, P, bend_std(speed, t), t)
+        _drop_knot(x, P, t)
     P[OFFSET, OFFSET] += t.offset_walk * t.offset_walk
     P[HEADING, HEADING] += t.heading_walk * t.heading_walk
     P[WIDTH, WIDTH] += t.width_walk * t.width_walk
@@ -68,7 +68,7 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _drop_knot(x, P, bend, t):  # type: ignore[no-untyped-def]
+def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
     """The first knot fell behind: renumber, and append one."""
     last = KNOT + KNOTS - 1
     for j in range(KNOT, last):
@@ -79,7 +79,7 @@ def _drop_knot(x, P, bend, t):  # type: ignore[no-untyped-def]
     for j in range(KNOT, last):
         for i in range(STATES):
             P[j, i] = P[j + 1, i]
-    extend(x, P, last, bend, t)
+    extend(x, P, last, t)
 
 
 @kernel
@@ -91,22 +91,15 @@ def continued(x, j, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def bend_std(speed, t):  # type: ignore[no-untyped-def]
-    """Standard deviation of a knot's curvature from what those before have it be, on a road so fast."""
-    v = max(speed, t.bend_slow_mps)
-    return max(t.bend_std, t.bend_std_mps2 / (v * v))
-
-
-@kernel
-def extend(x, P, j, bend, t):  # type: ignore[no-untyped-def]
-    """Let the knot state j be what those before have it be, ± `bend`."""
+def extend(x, P, j, t):  # type: ignore[no-untyped-def]
+    """Let the knot state j be what those before have it be, ± bend_std."""
     g1, g2 = t.bend_keep + t.bend_slope, -t.bend_slope
     x[j] = continued(x, j, t)
     for k in range(STATES):
         P[j, k] = g1 * P[j - 1, k] + g2 * P[j - 2, k]
     for i in range(STATES):
         P[i, j] = g1 * P[i, j - 1] + g2 * P[i, j - 2]
-    P[j, j] = g1 * P[j, j - 1] + g2 * P[j, j - 2] + bend * bend
+    P[j, j] = g1 * P[j, j - 1] + g2 * P[j, j - 2] + t.bend_std * t.bend_std
 
 
 @kernel

@@ -111,7 +111,7 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, fol
     left, right: the search's a, b, c of this vehicle where `given`. about: the heading to be expected, rad.
     yaw_rate: the vehicle's own, NaN for none; the more a lane turns against it, the fewer its rows count.
     """
-    best, bend = least, t.bend_std
+    best = least
     trial, predicted = room.trial, room.predicted
     lane_start(t, trial)
     place_borders(trial, 0.0, rows, p, t, work)
@@ -124,7 +124,7 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, fol
                 continue
             lane_start(t, trial)
             copy_vector(trial, predicted)
-            initial_covariance(P, bend, t, 1.0, 0.05, t.lane_width_std_m, 2e-3)
+            initial_covariance(P, t, 1.0, 0.05, t.lane_width_std_m, 2e-3)
             if not invert(P, work.factor, work.prior):
                 continue
             predict_spread(trial, P, 0.0, rows, p, t, work)
@@ -140,7 +140,7 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, fol
         copy_vector(trial, predicted)
         predicted[WIDTH] = 0.5 * (predicted[WIDTH] + t.lane_width_m)
         loose = 1.0 if attempt < STARTS else 2.0
-        initial_covariance(P, bend, t, 0.15 * loose, 0.008 * loose, 0.3, 8e-4 * loose)
+        initial_covariance(P, t, 0.15 * loose, 0.008 * loose, 0.3, 8e-4 * loose)
         if not invert(P, work.factor, work.prior):
             continue
         predict_spread(trial, P, 0.0, rows, p, t, work)

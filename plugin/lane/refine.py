@@ -58,7 +58,7 @@ class Refine:
     pitch_time_s: float = Field(0.3, gt=0, description="correlation time of that")
     bend_std_1pm: float = Field(6e-4, gt=0, description="change of curvature over 15 m of unseen road")
     bend_std_mps2: float = Field(
-        0.4, ge=0, description="that in lateral acceleration at the own speed, where it is more: streets"
+        0.4, ge=0, description="of a bend that is seen, as a lateral acceleration at the own speed, if more"
     )
     confirm_frames: int = Field(2, ge=0, description="frames that must follow a weak start")
     patience_frames: int = Field(15, ge=0, description="frames in a row without the lane until it is lost")

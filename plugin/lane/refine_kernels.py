@@ -15,7 +15,7 @@ from plugin.lane.evidence import (
     support_of,
 )
 from plugin.lane.hidden import outline
-from plugin.lane.lane_motion import bend_std, predict, shift_lane
+from plugin.lane.lane_motion import predict, shift_lane
 from plugin.lane.lane_start import start
 from plugin.lane.own_turn import contradicted, measure, open_road, trust
 from plugin.lane.refine_fit import farthest_found, fit, gather, invert, predict_spread, tally
@@ -107,7 +107,6 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
         else:
             age += 1
             phase = predict(x, P, phase, speed[i] * t.step_s, t)
-            bend = bend_std(speed[i], t)
             carry(rival, speed[i] * t.step_s)
             measure(x, P, phase, speed[i], yaw_rate[i], t.yaw_rate_std, along)
             copy_vector(x, before)
@@ -137,7 +136,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                         gather(frames[i], rows, t, noise, work)
                 good = good and fit(x, phase, before, rows, p, t, 1.0, t.iterations, work)
                 if good and rival[LOOKS] == 0.0:  # against another lane it has to stand as it is
-                    seek_bends(frames[i], x, P, phase, before, rows, p, bend, t, noise, work, room)
+                    seek_bends(frames[i], x, P, phase, speed[i], before, rows, p, t, noise, work, room)
             if good:
                 found_left, expected_left = tally(work, LEFT)
                 found_right, expected_right = tally(work, RIGHT)

@@ -50,13 +50,13 @@ def test_a_bend_that_is_seen_is_followed_however_odd(side):
 def test_a_road_leaves_its_course_where_it_bends_at_once():
     x = np.zeros(STATES)
     x[KNOT:TURN] = 1e-3
-    assert bends.odd_bend(x, T.bend_std, T) == KNOTS
+    assert bends.odd_bend(x, T) == KNOTS
     x[KNOT + 5 : TURN] = 4e-3
-    assert bends.odd_bend(x, T.bend_std, T) == 5
+    assert bends.odd_bend(x, T) == 5
 
 
 def test_streets_bend_more_than_motorways_and_a_jam_is_no_street():
-    fast, street, crawling = (lane_motion.bend_std(v, T) for v in (33.0, 14.0, 2.0))
+    fast, street, crawling = (bends.bend_std(v, T) for v in (33.0, 14.0, 2.0))
     assert fast == T.bend_std
     assert street == crawling == pytest.approx(T.bend_std_mps2 / 14.0**2)
     assert street > 3.0 * fast
@@ -66,8 +66,8 @@ def test_a_road_forgotten_is_as_likely_as_a_road_goes_on():
     x, P = np.zeros(STATES), 1e-8 * np.eye(STATES)
     x[KNOT:TURN] = 1e-3, 1.5e-3, 9e-3, -9e-3, 0, 0, 0, 0, 0
     for j in range(2, KNOTS):
-        lane_motion.extend(x, P, KNOT + j, T.bend_std, T)
-    assert bends.odd_bend(x, T.bend_std, T) == KNOTS
+        lane_motion.extend(x, P, KNOT + j, T)
+    assert bends.odd_bend(x, T) == KNOTS
     np.testing.assert_array_equal(P, P.T)
     assert np.linalg.eigvalsh(P).min() > 0
     assert (np.diff(np.diag(P)[KNOT:TURN]) >= 0).all()
