@@ -49,6 +49,12 @@ def width_odds(width, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def lane_beside(width, x, t):  # type: ignore[no-untyped-def]
+    """Whether the strip beside x is a lane to go over to: no odder than this one, as a median is."""
+    return width_odds(width, t) >= min(width_odds(x[WIDTH], t), t.usual_width)
+
+
+@kernel
 def of_usual_width(x, t):  # type: ignore[no-untyped-def]
     """Whether lanes are often as wide as x."""
     return width_odds(x[WIDTH], t) >= t.usual_width

@@ -48,3 +48,15 @@ def test_the_lane_is_the_one_between_its_own_lines(solid, dashed, width_m):
 def test_lanes_wider_than_the_vote_looks_are_refused():
     with pytest.raises(ValueError, match="max_width_m"):
         Refine(max_width_m=40.0)  # lines within such a lane would be counted outside of the votes' memory
+
+
+@pytest.mark.parametrize("width_m", [3.75, 5.0])
+def test_what_is_beside_the_road_is_no_lane_to_go_over_to(width_m):
+    state, p, shifts = init(1), projection(Camera()), 0
+    offsets = np.concatenate([np.linspace(0.0, 2.2, 60), np.full(5, 2.2)])
+    for k, offset_m in enumerate(offsets):
+        solid = np.array([-1.875, 1.875, 1.875 + width_m]) - offset_m
+        frames = draw(solid, noise=3.0, seed=k)[None]
+        state, lane = step(frames, None, None, state, p, np.full(1, SPEED), NO_SLIP, None, np.zeros(1))
+        shifts += int(lane.lane_shift[0])
+    assert shifts == (1 if width_m == 3.75 else 0)
