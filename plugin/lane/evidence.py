@@ -4,7 +4,7 @@ import math
 
 from plugin.lane.refine_fit import odds_of_paint, tally
 from plugin.lane.ridge import road_noise
-from plugin.lane.road_model import HEADING, KNOT, LEFT, OFFSET, PITCH, RIGHT, WIDTH
+from plugin.lane.road_model import HEADING, KNOT, LEFT, NEXT_LEFT, OFFSET, PITCH, RIGHT, WIDTH
 from sumo_net.compile import kernel
 
 LEAST_JUDGED = 6  # rows in which a line must be in view for what is found of it to tell anything
@@ -49,9 +49,13 @@ def width_odds(width, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lane_beside(width, x, t):  # type: ignore[no-untyped-def]
-    """Whether the strip beside x is a lane to go over to: no odder than this one, as a median is."""
-    return width_odds(width, t) >= min(width_odds(x[WIDTH], t), t.usual_width)
+def over(side, x, t):  # type: ignore[no-untyped-def]
+    """Whether a car beyond the border on a side of x is in the lane there.
+
+    A strip that is odder than this lane may be a median: the car has to be well beyond.
+    """
+    odder = width_odds(x[NEXT_LEFT + side], t) < min(width_odds(x[WIDTH], t), t.usual_width)
+    return abs(x[OFFSET]) - 0.5 * x[WIDTH] > (t.odd_beyond_m if odder else 0.0)
 
 
 @kernel

@@ -124,6 +124,7 @@ class Tuning(NamedTuple):
     least_rows: int = 4
     least_share: float = 0.1
     lock_rows: int = 16
+    odd_beyond_m: float = 0.4  # beyond a border, until which an odd strip there is no lane
     neighbour_share: float = 0.1  # of rows, from which on there is a lane beside
     next_std: float = 0.25  # of a neighbouring lane's width against the own lane's
     next_keep: float = 0.97

@@ -7,8 +7,8 @@ import numpy as np
 from plugin.lane.bends import seek_bends
 from plugin.lane.evidence import (
     LEAST_JUDGED,
-    lane_beside,
     of_usual_width,
+    over,
     pixel_noise,
     plausible,
     share_of_paint,
@@ -25,7 +25,6 @@ from plugin.lane.road_model import (
     FURTHEST_M,
     HEADING,
     LEFT,
-    NEXT_LEFT,
     NODES,
     OFFSET,
     OUTER_LEFT,
@@ -125,7 +124,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                         )
                 if abs(x[OFFSET]) > 0.5 * x[WIDTH]:
                     side = LEFT if x[OFFSET] > 0.0 else RIGHT
-                    if new.beside[i, side] > t.neighbour_share and lane_beside(x[NEXT_LEFT + side], x, t):
+                    if new.beside[i, side] > t.neighbour_share and over(side, x, t):
                         shift = 1 if side == LEFT else -1
                         shift_lane(x, P, shift, t)
                         new.share[i, 1 - side] = old.share[i, side]
