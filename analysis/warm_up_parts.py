@@ -230,15 +230,6 @@ def surroundings() -> None:
     LaneOrder(graph, ["lane"], lambda _: ()).leaders(at, one)
 
 
-def tables() -> None:
-    """Compile how rows are written as text."""
-    from plugin.csv_text import csv_rows
-    from plugin.record import to_table
-    from plugin.schema import TABLES
-
-    list(csv_rows(to_table("", TABLES["steps"], {"time_s": np.zeros(1)}), TABLES["steps"]))
-
-
 def _snapshot(n: int) -> Any:
     from sumo_net.snapshot import Snapshot
 
@@ -248,4 +239,4 @@ def _snapshot(n: int) -> Any:
 
 # The longest first, so that neither process waits long for the other's last. What calls the same large inner
 # kernels is one part: these are not kept for the other process.
-PARTS = (lane, picture, motion, own_drive, leaders, tracks, scans, search, scores, surroundings, tables)
+PARTS = (lane, picture, motion, own_drive, leaders, tracks, scans, search, scores, surroundings)

@@ -1,6 +1,7 @@
 """Tables on disk or in memory: chunks of columns in, CSV and Parquet files or pandas tables out."""
 
 import contextlib
+import io
 import os
 import shutil
 import threading
@@ -19,7 +20,6 @@ import pyarrow.parquet
 from pydantic import Field
 
 from plugin import record_kernels as kernels
-from plugin.csv_text import csv_rows
 from plugin.schema import TABLES, Column
 from sumo_net.settings import settings
 
@@ -79,7 +79,7 @@ class Recorder:
                     (directory / f"{name}.{suffix}").unlink(missing_ok=True)
                 shutil.rmtree(_parts(directory / f"{name}.parquet"), ignore_errors=True)
                 if "csv" in formats:
-                    self._writers[name].append(_CsvFile(directory / f"{name}.csv", columns))
+                    self._writers[name].append(_CsvFile(directory / f"{name}.csv", schema))
                 if "parquet" in formats:
                     self._writers[name].append(_ParquetFile(directory / f"{name}.parquet", schema))
 
@@ -192,22 +192,25 @@ def to_pandas(table: pa.Table) -> pd.DataFrame:
 class _CsvFile:
     """Rows are written at once or, where that fails, not at all."""
 
-    def __init__(self, path: Path, columns: tuple[Column, ...]) -> None:
-        self._path, self._columns, self._failed = path, columns, False
+    def __init__(self, path: Path, schema: pa.Schema) -> None:
+        self._path, self._failed = path, False
         self._file = path.open("wb", buffering=0)
-        self._put([(",".join(column.name for column in columns) + "\n").encode()])
+        self._put((",".join(schema.names) + "\n").encode())
 
     def write(self, table: pa.Table) -> None:
-        if not self._failed:  # the rows before are whole; a gap would be worse than an end
-            self._put(csv_rows(table, self._columns))
-
-    def _put(self, rows: Iterable[bytes | memoryview]) -> None:
-        before = self._file.tell()
+        if self._failed:  # the rows before are whole; a gap would be worse than an end
+            return
         try:
-            for some in rows:
-                left = memoryview(some)
-                while left:
-                    left = left[self._file.write(left) :]
+            rows = _csv_rows(table, "none")
+        except pa.ArrowInvalid:  # a comma or quotation mark in a text
+            rows = _csv_rows(table, "needed")  # puts every text in quotation marks
+        self._put(rows)
+
+    def _put(self, rows: bytes) -> None:
+        before, left = self._file.tell(), memoryview(rows)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
         except OSError as error:
             self._failed = True
             with contextlib.suppress(OSError):
@@ -313,3 +316,9 @@ def _to_array(column: Column, values: Any) -> pa.Array:
     if isinstance(values, np.ma.MaskedArray):
         return pa.array(values.data, type=_ARROW[column.kind], mask=np.ma.getmaskarray(values))
     return pa.array(values, type=_ARROW[column.kind])
+
+
+def _csv_rows(table: pa.Table, quoting_style: str) -> bytes:
+    rows = io.BytesIO()
+    pa.csv.write_csv(table, rows, pa.csv.WriteOptions(include_header=False, quoting_style=quoting_style))
+    return rows.getvalue()
