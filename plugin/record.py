@@ -286,6 +286,12 @@ def _named(error: OSError, path: Path) -> OSError:
     return OSError(error.errno or 0, f"cannot be written ({reason}); the rows before are whole", str(path))
 
 
+def _csv_rows(table: pa.Table, quoting_style: str) -> bytes:
+    rows = io.BytesIO()
+    pa.csv.write_csv(table, rows, pa.csv.WriteOptions(include_header=False, quoting_style=quoting_style))
+    return rows.getvalue()
+
+
 def to_table(run_id: str, columns: tuple[Column, ...], values: Mapping[str, Any]) -> pa.Table:
     """Rows as Arrow has them, from equally long arrays by column; those that are missing are empty."""
     rows = len(next(iter(values.values())))
@@ -316,9 +322,3 @@ def _to_array(column: Column, values: Any) -> pa.Array:
     if isinstance(values, np.ma.MaskedArray):
         return pa.array(values.data, type=_ARROW[column.kind], mask=np.ma.getmaskarray(values))
     return pa.array(values, type=_ARROW[column.kind])
-
-
-def _csv_rows(table: pa.Table, quoting_style: str) -> bytes:
-    rows = io.BytesIO()
-    pa.csv.write_csv(table, rows, pa.csv.WriteOptions(include_header=False, quoting_style=quoting_style))
-    return rows.getvalue()
