@@ -119,8 +119,9 @@ class Recorder:
             return
         if self.directory is None:
             self._memory[name].append(table)
-        for writer in self._writers[name]:
-            writer.write(table)
+        with contextlib.ExitStack() as every:  # also when one of them fails: the others have no gap
+            for writer in self._writers[name]:
+                every.callback(writer.write, table)
 
     def flush(self, waiting: int = 0) -> None:
         """Wait until all but `waiting` pieces of work are done; raise what has failed so far.

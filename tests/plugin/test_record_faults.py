@@ -167,3 +167,15 @@ def test_a_directory_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OSError, match="file"):
         Recorder("r", tmp_path / "file" / "out", ("csv",), SCHEMA)
+
+
+def test_where_one_file_fails_the_other_has_the_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: object, table: object) -> None:
+        raise OSError("no space")
+
+    monkeypatch.setattr("plugin.record._CsvFile.write", full)
+    recorder = Recorder("run", tmp_path, ("csv", "parquet"), SCHEMA)
+    with pytest.raises(OSError, match="no space"):
+        recorder.append("steps", block(0))
+    recorder.close()
+    assert times(tmp_path) == block(0)["time_s"].tolist()
