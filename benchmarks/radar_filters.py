@@ -27,6 +27,7 @@ from stonesoup.updater.kalman import KalmanUpdater
 
 from analysis.published.imm import FILTERS, ImmExperiment, run, simulate
 from plugin.tracking.models import POLAR_H, polar_models
+from sumo_net.memory import keep_freed_memory
 
 REPEATS = 3
 
@@ -88,6 +89,7 @@ def main() -> None:
     parser.add_argument("--object-runs", type=int, default=10)
     parser.add_argument("--out", type=Path, default=Path("out/bench/filters.json"))
     options = parser.parse_args()
+    keep_freed_memory()  # as in every run
     experiment = ImmExperiment(runs=options.runs)
     z = simulate(experiment)[2]
     few = np.ascontiguousarray(z[:, : options.object_runs])

@@ -96,7 +96,7 @@ def run(experiment: ImmExperiment, kinds: tuple[str, ...], z: Array) -> tuple[Ar
     x[0], mu[0] = imm.combine(state).x, state.mu
     for k in range(1, steps):
         state = imm.predict(state, F, Q, markov[None])
-        state, _ = imm.update(state, z[k], everyone, R)
+        state, _ = imm.update(state, z[k], everyone, R, out=state)
         x[k], mu[k] = imm.combine(state).x, state.mu
     return x, mu
 

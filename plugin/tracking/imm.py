@@ -71,18 +71,29 @@ def predict(
 
 
 def update(
-    state: ImmState, z: Array, seen: Array, R: Array, angle: Array | None = None
+    state: ImmState,
+    z: Array,
+    seen: Array,
+    R: Array,
+    angle: Array | None = None,
+    out: ImmState | None = None,
 ) -> tuple[ImmState, Array]:
     """Steps 2 and 3 with z (T, m) where `seen` (T,).
+
+    out : where the state that comes of it is put, which may be `state` itself; new arrays if left out.
 
     Gives the state and `sound` (T,) bool: False where an innovation covariance was not positive definite.
     """
     check_states(state.x)
     check_measured(z)
     angle = np.zeros(kalman_kernels.MEASURED, np.bool_) if angle is None else angle
-    after = ImmState(*(part.copy() for part in state))
+    if out is None:
+        out = ImmState(*(part.copy() for part in state))
+    elif out is not state:
+        for part, before in zip(out, state, strict=True):
+            part[...] = before
     chosen = np.where(seen, np.arange(len(z)), -1)
-    return after, kernels.update(*after, z, chosen, R, angle)
+    return out, kernels.update(*out, z, chosen, R, angle)
 
 
 def combine(state: ImmState) -> Gaussian:

@@ -21,36 +21,32 @@ from sumo_net.scratch import scratch
 
 
 @inlined
-def mix_one(x, P, mu, markov, x0, P0, c, w):  # type: ignore[no-untyped-def]
-    """Step 1: the mixed initial conditions of each model and c[j] = Σᵢ Π[i, j] μ[i].
+def mix(x, P, mu, markov, j, x0, P0, w):  # type: ignore[no-untyped-def]
+    """Step 1: the mixed initial condition of model j into x0 (n,), P0 (n, n); gives c = Σᵢ Π[i, j] μ[i].
 
     x (r, n), P (r, n, n), mu (r,), markov (r, r) with Π[i, j] = P(i → j); w (r,) is scratch. A model that
     cannot be reached (c = 0) starts from its own last estimate.
     """
-    r, n = len(x), STATES
-    M, d = scratch((STATES, STATES)), scratch(STATES)
-    for j in range(r):
-        total = 0.0
+    r, n, d, total = len(x), STATES, scratch(STATES), 0.0
+    for i in range(r):
+        w[i] = markov[i, j] * mu[i]
+        total += w[i]
+    for i in range(r):
+        w[i] = w[i] / total if total > 0.0 else (1.0 if i == j else 0.0)
+    for a in range(n):
+        mean = 0.0
         for i in range(r):
-            w[i] = markov[i, j] * mu[i]
-            total += w[i]
-        c[j] = total
-        for i in range(r):
-            w[i] = w[i] / total if total > 0.0 else (1.0 if i == j else 0.0)
-        for a in range(n):
-            mean = 0.0
-            for i in range(r):
-                mean += w[i] * x[i, a]
-            x0[j, a] = mean
-        clear(M)
-        for i in range(r):
-            if w[i] > 0.0:
-                for a in range(n):
-                    d[a] = x[i, a] - x0[j, a]
-                for a in range(n):
-                    for b in range(n):
-                        M[a, b] += w[i] * (P[i, a, b] + d[a] * d[b])
-        copy(M, P0[j])
+            mean += w[i] * x[i, a]
+        x0[a] = mean
+    clear(P0)
+    for i in range(r):
+        if w[i] > 0.0:
+            for a in range(n):
+                d[a] = x[i, a] - x0[a]
+            for a in range(n):
+                for b in range(n):
+                    P0[a, b] += w[i] * (P[i, a, b] + d[a] * d[b])
+    return total
 
 
 @kernel
@@ -58,14 +54,14 @@ def predict(x, P, mu, F, Q, markov, which, shift):  # type: ignore[no-untyped-de
     """Mixing and prediction: x (T, r, n), P (T, r, n, n), mu (T, r); F, Q (U, r, n, n), markov (U, r, r),
     which (T,) into U, shift (T, n) added after F. The mode probabilities that come back are the Markov step.
     """
-    tracks, r, n = len(x), x.shape[1], STATES
+    tracks, r = len(x), x.shape[1]
     xp, Pp, c = np.empty_like(x), np.empty_like(P), np.empty_like(mu)
-    x0, P0, w, work = np.empty((r, n)), np.empty((r, n, n)), np.empty(r), np.empty((n, n))
+    x0, P0, w = scratch(STATES), scratch((STATES, STATES)), np.empty(r)
     for t in range(tracks):
         u = which[t]
-        mix_one(x[t], P[t], mu[t], markov[u], x0, P0, c[t], w)
         for j in range(r):
-            predict_one(x0[j], P0[j], F[u, j], Q[u, j], shift[t], xp[t, j], Pp[t, j], work)
+            c[t, j] = mix(x[t], P[t], mu[t], markov[u], j, x0, P0, w)
+            predict_one(x0, P0, F[u, j], Q[u, j], shift[t], xp[t, j], Pp[t, j])
     return xp, Pp, c
 
 

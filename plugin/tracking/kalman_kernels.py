@@ -41,27 +41,32 @@ def clear(out):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def congruence(A, P, work, out):  # type: ignore[no-untyped-def]
-    """out = A P Aᵀ for a symmetric P (n, n), exactly symmetric; `work` (n, n) is scratch. out may be P."""
-    n = STATES
-    for i in range(n):
-        for j in range(n):
-            work[i, j] = 0.0
-        for k in range(n):
-            a = A[i, k]
-            if a != 0.0:
-                for j in range(n):
-                    work[i, j] += a * P[k, j]
-    for j in range(n):
-        for i in range(j + 1):
-            out[i, j] = 0.0
-        for k in range(n):
-            a = A[j, k]
-            if a != 0.0:
-                for i in range(j + 1):
-                    out[i, j] += work[i, k] * a
-        for i in range(j):
-            out[j, i] = out[i, j]
+def congruence(A, P, out):  # type: ignore[no-untyped-def]
+    """out = A P Aᵀ for a symmetric P (n, n), exactly symmetric. out may be P.
+
+    Both products go along rows, which lie in one piece; for that the first one is kept transposed.
+    """
+    turned, row = scratch((STATES, STATES)), scratch(STATES)
+    for i in range(STATES):
+        combined(A[i], P, row)
+        for j in range(STATES):
+            turned[j, i] = row[j]
+    for i in range(STATES):
+        combined(A[i], turned, row)
+        for j in range(i + 1):
+            out[i, j] = row[j]
+            out[j, i] = row[j]
+
+
+@inlined
+def combined(a, M, row):  # type: ignore[no-untyped-def]
+    """row = a M, a (n,), M (n, n)."""
+    for j in range(STATES):
+        row[j] = 0.0
+    for k in range(STATES):
+        if a[k] != 0.0:
+            for j in range(STATES):
+                row[j] += a[k] * M[k, j]
 
 
 @inlined
@@ -100,7 +105,7 @@ def solve_cholesky(L, K):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def predict_one(x, P, F, Q, shift, xp, Pp, work):  # type: ignore[no-untyped-def]
+def predict_one(x, P, F, Q, shift, xp, Pp):  # type: ignore[no-untyped-def]
     """xp = F x + shift, Pp = F P Fᵀ + Q. xp, Pp may not be x, P."""
     n = STATES
     for i in range(n):
@@ -108,7 +113,7 @@ def predict_one(x, P, F, Q, shift, xp, Pp, work):  # type: ignore[no-untyped-def
         for k in range(n):
             total += F[i, k] * x[k]
         xp[i] = total
-    congruence(F, P, work, Pp)
+    congruence(F, P, Pp)
     for i in range(n):
         for j in range(n):
             Pp[i, j] += Q[i, j]
@@ -211,11 +216,10 @@ def update_one(x, P, y, R, S):  # type: ignore[no-untyped-def]
 @kernel
 def predict(x, P, F, Q, which, shift):  # type: ignore[no-untyped-def]
     """x⁺ = F x + shift, P⁺ = F P Fᵀ + Q for x (T, n), P (T, n, n), F and Q (U, n, n), which (T,) into U."""
-    tracks, n = len(x), STATES
-    xp, Pp, work = np.empty_like(x), np.empty_like(P), np.empty((n, n))
-    for t in range(tracks):
+    xp, Pp = np.empty_like(x), np.empty_like(P)
+    for t in range(len(x)):
         u = which[t]
-        predict_one(x[t], P[t], F[u], Q[u], shift[t], xp[t], Pp[t], work)
+        predict_one(x[t], P[t], F[u], Q[u], shift[t], xp[t], Pp[t])
     return xp, Pp
 
 

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 
-from plugin.tracking.imm_kernels import mix_one
-from plugin.tracking.kalman_kernels import MEASURED, STATES, congruence
+from plugin.tracking.imm_kernels import mix
+from plugin.tracking.kalman_kernels import MEASURED, STATES, clear, combined, congruence
 from sumo_net.compile import inlined, kernel
 from sumo_net.frames import wrap_angle
+from sumo_net.scratch import scratch
 
 _NEAREST_M = 0.5
 
@@ -57,26 +58,24 @@ def predict(x, P, mu, rows, F, Q, markov, which, owner, dt, sensor, room):  # ty
     tracks, r, n = len(rows), x.shape[1], STATES
     xp, Pp = np.empty((tracks + room, r, n)), np.empty((tracks + room, r, n, n))
     c, lost = np.empty((tracks + room, r)), np.empty(tracks, np.bool_)
-    x0, P0, w, work = np.empty((r, n)), np.empty((r, n, n)), np.empty(r), np.empty((n, n))
-    G, A, out = np.eye(n), np.empty((n, n)), np.empty((n, n))
+    x0, P0, w = scratch(STATES), scratch((STATES, STATES)), np.empty(r)
+    G, A, out = scratch((STATES, STATES)), scratch((STATES, STATES)), scratch((STATES, STATES))
+    clear(G)
+    for i in range(n):
+        G[i, i] = 1.0
     for t in range(tracks):
         v, s, total = owner[t], rows[t], 0.0
         u = which[v]
-        mix_one(x[s], P[s], mu[s], markov[u], x0, P0, c[t], w)
         for j in range(r):
-            bend(x0[j], G, dt[v], sensor, v)
+            c[t, j] = mix(x[s], P[s], mu[s], markov[u], j, x0, P0, w)
+            bend(x0, G, dt[v], sensor, v)
             for i in range(n):
                 state = 0.0
-                for b in range(n):
-                    A[i, b] = 0.0
                 for a in range(n):
-                    f = F[u, j, i, a]
-                    if f != 0.0:
-                        state += f * x0[j, a]
-                        for b in range(n):
-                            A[i, b] += f * G[a, b]
+                    state += F[u, j, i, a] * x0[a]
                 xp[t, j, i] = state
-            congruence(A, P0[j], work, out)
+                combined(F[u, j, i], G, A[i])
+            congruence(A, P0, out)
             for i in range(n):
                 for b in range(n):
                     Pp[t, j, i, b] = out[i, b] + Q[u, j, i, b]

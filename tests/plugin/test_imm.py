@@ -79,6 +79,20 @@ def test_identical_models_are_one_filter() -> None:
     np.testing.assert_allclose(covariance, one.P, rtol=1e-10, atol=1e-12)
 
 
+def test_the_result_can_take_the_place_of_the_state_or_of_any_other() -> None:
+    z = manoeuvre(np.random.default_rng(3), tracks=5, steps=2)
+    before = imm.init(*start(z[0]), np.array([0.5, 0.5]))
+    seen = np.array([True, True, False, True, False])
+    new, sound = imm.update(before, z[1], seen, R)
+    other = imm.ImmState(*(np.full_like(part, np.nan) for part in before))
+    for out in (other, before):  # `before` last: it is gone then
+        given, sound_again = imm.update(before, z[1], seen, R, out=out)
+        assert given is out
+        assert (sound_again == sound).all()
+        for part, expected in zip(given, new, strict=True):
+            np.testing.assert_array_equal(part, expected)
+
+
 def test_without_a_measurement_only_the_markov_step_changes_the_probabilities() -> None:
     F, Q = polar_models(("cv", "ca"), PUBLISHED_MOTION).transition(np.array([0.1]))
     markov = np.array([[0.9, 0.1], [0.3, 0.7]])
