@@ -33,21 +33,22 @@ class Stopwatch:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        self._turn()
-        self._open.append(name)
+        self._begin(name)
         try:
             yield
         finally:
-            self._turn()
-            self._open.pop()
+            self._end()
 
     def time(self, owner: Any, attribute: str, name: str) -> None:
         """Time a function from now on."""
         inner = getattr(owner, attribute)
 
         def timed(*arguments: Any, **options: Any) -> Any:
-            with self.stage(name):
+            self._begin(name)  # not `stage`: a generator costs 1 µs more, which one vehicle's stages show
+            try:
                 return inner(*arguments, **options)
+            finally:
+                self._end()
 
         setattr(owner, attribute, timed)
 
@@ -56,10 +57,16 @@ class Stopwatch:
         taken, self.spent = dict(self.spent), defaultdict(float)
         return taken
 
-    def _turn(self) -> None:
+    def _begin(self, name: str) -> None:
         now = time.process_time()
         if self._open:
             self.spent[self._open[-1]] += now - self._since
+        self._open.append(name)
+        self._since = now
+
+    def _end(self) -> None:
+        now = time.process_time()
+        self.spent[self._open.pop()] += now - self._since
         self._since = now
 
 
