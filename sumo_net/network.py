@@ -8,7 +8,6 @@ one by one. The equipped vehicles drive on the exact line.
 
 import itertools
 import math
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -16,14 +15,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from sumo_net.highway import Alignment, Array, Highway, alignment
+from sumo_net.netconvert import netconvert
 
 CHORD_ERROR_M = 0.005
 LONGEST_CHORD_M = 100.0
 DIRECTIONS = ("forward", "backward")
-
-
-class BuildError(RuntimeError):
-    """netconvert is not there, or refused the network."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +56,15 @@ def build(highway: Highway, directory: Path, precision: int = 4) -> BuiltNetwork
         text = "\n".join(["<?xml version='1.0' encoding='UTF-8'?>", f"<{root}>", *lines, f"</{root}>", ""])
         (directory / f"highway.{suffix}.xml").write_text(text, encoding="utf-8")
     net_file = directory / "highway.net.xml"
-    _netconvert(directory, net_file, precision)
+    files = [f"--{kind}-files={directory / f'highway.{suffix}.xml'}" for kind, suffix in _FILES.items()]
+    netconvert(
+        net_file,
+        *files,
+        f"--precision={precision}",
+        "--no-turnarounds=true",
+        "--offset.disable-normalization=true",
+        "--junctions.limit-turn-speed=-1",
+    )
     return BuiltNetwork(highway, net_file, (both[0], both[1]))
 
 
@@ -133,20 +137,4 @@ def _connections(highway: Highway, way: Carriageway) -> list[str]:
 
 
 _WRITERS = {"nod": _nodes, "edg": _edges, "con": _connections}
-
-
-def _netconvert(directory: Path, net_file: Path, precision: int) -> None:
-    import sumo  # the wheel that brings netconvert
-
-    program = next(iter(sorted((Path(sumo.SUMO_HOME) / "bin").glob("netconvert*"))), None)
-    if program is None:
-        raise BuildError(f"no netconvert in {sumo.SUMO_HOME}/bin: pip install eclipse-sumo")
-    command = [str(program), "--output-file", str(net_file), "--precision", str(precision)]
-    for option, suffix in (("node", "nod"), ("edge", "edg"), ("connection", "con")):
-        command += [f"--{option}-files", str(directory / f"highway.{suffix}.xml")]
-    command += ["--no-turnarounds", "true", "--offset.disable-normalization", "true"]
-    command += ["--junctions.limit-turn-speed", "-1", "--xml-validation", "never"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0 or not net_file.is_file():
-        said = " ".join((done.stderr or done.stdout).split())
-        raise BuildError(f"{net_file}: netconvert failed (exit {done.returncode}): {said}")
+_FILES = {"node": "nod", "edge": "edg", "connection": "con"}  # netconvert's options, and suffixes

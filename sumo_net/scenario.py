@@ -18,7 +18,9 @@ from sumo_net.demand import Demand, read_net, write_highway_demand, write_networ
 from sumo_net.equipment import Equipment
 from sumo_net.highway import Highway
 from sumo_net.incidents import Incidents
-from sumo_net.network import BuildError, BuiltNetwork, build
+from sumo_net.netconvert import BuildError
+from sumo_net.network import BuiltNetwork, build
+from sumo_net.road_import import ENDINGS, convert, format_of
 from sumo_net.script import Actor, Manoeuvre, check_script
 from sumo_net.settings import SettingsError, read, read_json, read_toml, settings
 
@@ -36,7 +38,14 @@ class Scenario:
     warm_up_s: float = Field(10.0, ge=0, le=86_400, description="SUMO alone, before the recorded time")
     seed: int = Field(1, ge=0, lt=2**31, description="of SUMO and of everything drawn here")
     configuration: str = Field("", description="a .sumocfg that is run as it is, with its own demand")
-    net_file: str = Field("", description="a .net.xml on which `demand` drives")
+    net_file: str = Field(
+        "",
+        description="a .net.xml on which `demand` drives, or an OpenStreetMap extract (.osm, .osm.xml) or "
+        "OpenDRIVE file (.xodr), of which one is made",
+    )
+    lefthand: bool = Field(
+        False, description="traffic keeps left, where net_file is converted: SUMO's own networks say it"
+    )
     highway: Highway = Field(default_factory=Highway, description="built where no file is named")
     demand: Demand = Field(default_factory=Demand)
     incidents: Incidents = Field(
@@ -54,6 +63,10 @@ class Scenario:
         if self.configuration and self.net_file:
             raise ValueError(
                 f"configuration = '{self.configuration}' and net_file = '{self.net_file}': name only one"
+            )
+        if self.lefthand and format_of(Path(self.net_file)) is None:
+            raise ValueError(
+                f"lefthand = true: only with a net_file that is converted ({', '.join(ENDINGS)})"
             )
         return self
 
@@ -94,7 +107,7 @@ def list_scenarios() -> list[tuple[str, str]]:
 
 
 def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[str, Any], Path]:
-    """The settings behind a built-in name, a .toml or a .sumocfg (or .net.xml), and the file they are from.
+    """The settings behind a built-in name, a .toml, a .sumocfg or a road, and the file they are from.
 
     Also behind the configuration.json that a run wrote beside its tables.
 
@@ -104,7 +117,7 @@ def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[s
     path = Path(source)
     if "\0" in source:
         raise SettingsError(f"scenario {source!r}: is no name of a file")
-    if source.endswith((".sumocfg", ".net.xml", ".net.xml.gz")):
+    if source.endswith((".sumocfg", ".net.xml", ".net.xml.gz")) or format_of(path) is not None:
         if not path.is_file():
             raise SettingsError(f"{source}: no such file")
         key = "configuration" if path.suffix == ".sumocfg" else "net_file"
@@ -120,7 +133,9 @@ def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[s
         if source not in files:
             near = difflib.get_close_matches(source, files, n=1)
             hint = f"did you mean '{near[0]}'?" if near else f"built in are {', '.join(files)}"
-            raise SettingsError(f"no scenario '{source}': {hint} (or name a .toml or a .sumocfg file)")
+            raise SettingsError(
+                f"no scenario '{source}': {hint} (or name a .toml, a .sumocfg or a .net.xml file)"
+            )
         path = files[source]
     mapping = read_toml(path)
     if path.name.endswith(REGRESSION):
@@ -189,7 +204,7 @@ def prepare(scenario: Scenario, directory: Path, seed: int | None = None) -> Pre
         )
         read_net(done.net_file)
         return PreparedRun(arguments, done.net_file, done.begin_s, warm_up, recorded, done.notes)
-    network = _road(scenario, directory)
+    network = road(scenario, directory)
     end = (warm_up + recorded) / 10
     routes = directory / "demand.rou.xml"
     placed = actor_lines(scenario.actors, network, warm_up / 10)
@@ -213,10 +228,15 @@ def with_changes(scenario: Scenario, **changes: Any) -> Scenario:
     return read(Scenario, fields | changes, "options")
 
 
-def _road(scenario: Scenario, directory: Path) -> BuiltNetwork | Path:
-    if scenario.net_file:
-        return Path(scenario.net_file)
-    try:
-        return build(scenario.highway, directory)
-    except BuildError as error:
-        raise SettingsError(str(error)) from None
+def road(scenario: Scenario, directory: Path) -> BuiltNetwork | Path:
+    """The road of a scenario without a configuration: its net_file, or what is made in `directory`.
+
+    Raises SettingsError.
+    """
+    if not scenario.net_file:
+        try:
+            return build(scenario.highway, directory)
+        except BuildError as error:
+            raise SettingsError(str(error)) from None
+    file = Path(scenario.net_file)
+    return file if format_of(file) is None else convert(file, scenario.lefthand, directory)

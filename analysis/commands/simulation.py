@@ -10,7 +10,11 @@ from analysis.commands.common import Format, Mode, Out, plain_errors, told_where
 
 def run(
     scenario: Annotated[
-        str, typer.Argument(help="Built-in name, FILE.toml or FILE.sumocfg.", metavar="SCENARIO")
+        str,
+        typer.Argument(
+            help="Built-in name, FILE.toml, FILE.sumocfg, or a road: FILE.net.xml, .osm or .xodr.",
+            metavar="SCENARIO",
+        ),
     ] = "highway",
     out: Out = Path("out"),
     seed: Annotated[

@@ -12,7 +12,8 @@ from plugin.configuration import configuration_from
 from sumo_net.configuration import read_configuration
 from sumo_net.lane_graph import NetworkError
 from sumo_net.lane_graph import read as read_lane_graph
-from sumo_net.network import BuildError, build
+from sumo_net.network import BuiltNetwork
+from sumo_net.scenario import road
 from sumo_net.settings import SettingsError
 
 Array = np.ndarray[Any, Any]
@@ -38,7 +39,7 @@ def outline(run: RunTables) -> list[Array]:
     try:
         with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
             lanes = _lanes(run.settings, Path(work))
-    except (SettingsError, BuildError, NetworkError, OSError, ValueError, KeyError) as error:
+    except (SettingsError, NetworkError, OSError, ValueError, KeyError) as error:
         run.notes.append(f"The network cannot be shown ({error}): the map shows driven paths alone")
         return []
     low = np.array([x.min(), y.min()]) - MARGIN_M
@@ -54,9 +55,8 @@ def _lanes(settings: Mapping[str, Any], work: Path) -> list[Array]:
     configuration = configuration_from(settings, "configuration.json")
     if configuration.configuration:
         file = Path(read_configuration(Path(configuration.configuration), work)["net-file"])
-    elif configuration.net_file:
-        file = Path(configuration.net_file)
     else:
-        file = build(configuration.highway, work).net_file
-    graph = read_lane_graph(Path(file))
+        found = road(configuration, work)
+        file = found.net_file if isinstance(found, BuiltNetwork) else found
+    graph = read_lane_graph(file)
     return [lane.shape for lane in graph.lanes.values() if lane.drivable]

@@ -9,6 +9,7 @@ import sumolib
 
 from sumo_net import network
 from sumo_net.highway import Element, Highway, alignment
+from sumo_net.netconvert import BuildError
 from sumo_net.settings import SettingsError, read
 
 
@@ -156,11 +157,11 @@ def test_long_pieces_become_several_edges():
 
 def test_netconvert_failure_is_told_in_its_words(tmp_path, monkeypatch):
     monkeypatch.setitem(network._WRITERS, "con", lambda highway, way: ['<connection from="nowhere" to="x"/>'])
-    with pytest.raises(network.BuildError, match=r"netconvert failed.*nowhere"):
+    with pytest.raises(BuildError, match=r"netconvert failed.*nowhere"):
         network.build(Highway(elements=(element("straight", 300.0),)), tmp_path)
 
 
 def test_missing_netconvert_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(sumo, "SUMO_HOME", str(tmp_path))
-    with pytest.raises(network.BuildError, match="pip install eclipse-sumo"):
+    with pytest.raises(BuildError, match="pip install eclipse-sumo"):
         network.build(Highway(elements=(element("straight", 300.0),)), tmp_path / "out")

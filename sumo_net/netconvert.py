@@ -1,0 +1,25 @@
+"""netconvert, SUMO's maker of networks, as a function."""
+
+import subprocess
+from pathlib import Path
+
+
+class BuildError(RuntimeError):
+    """netconvert is not there, or refused the network."""
+
+
+def netconvert(net_file: Path, *options: str) -> None:
+    """Write `net_file` by netconvert with `options`, each as `--name=value`.
+
+    Raises BuildError with netconvert's own words when it fails.
+    """
+    import sumo  # the wheel that brings netconvert
+
+    program = next(iter(sorted((Path(sumo.SUMO_HOME) / "bin").glob("netconvert*"))), None)
+    if program is None:
+        raise BuildError(f"no netconvert in {sumo.SUMO_HOME}/bin: pip install eclipse-sumo")
+    command = [str(program), f"--output-file={net_file}", "--xml-validation=never", *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0 or not net_file.is_file():
+        said = " ".join((done.stderr or done.stdout).split())
+        raise BuildError(f"{net_file}: netconvert failed (exit {done.returncode}): {said}")

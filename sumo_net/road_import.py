@@ -1,0 +1,82 @@
+"""SUMO networks from roads that others drew: OpenStreetMap extracts and OpenDRIVE files."""
+
+import zlib
+from pathlib import Path
+from typing import NamedTuple
+
+from sumo_net.netconvert import BuildError, netconvert
+from sumo_net.settings import SettingsError
+from sumo_net.xml_input import root_element
+
+
+class Format(NamedTuple):
+    """A format of roads that netconvert reads."""
+
+    name: str
+    endings: tuple[str, ...]
+    root: str  # element of the file
+    option: str  # of netconvert, that takes the file
+    options: tuple[str, ...]
+
+
+# as SUMO's own web wizard, but for turns on the spot, which no car can drive, and roads that stand alone
+_OSM = (
+    "--keep-edges.by-vclass=passenger",
+    "--geometry.remove=true",
+    "--ramps.guess=true",
+    "--junctions.join=true",
+    "--tls.guess-signals=true",
+    "--tls.discard-simple=true",
+    "--tls.join=true",
+    "--no-turnarounds.except-deadend=true",
+)
+# bends as they are given: chords of 1 m, of an arc of 50 m radius 2.5 mm beside it
+_OPENDRIVE = ("--opendrive.curve-resolution=1", "--keep-edges.by-vclass=passenger", "--no-turnarounds=true")
+_ALL = ("--precision=4", "--flatten=true")  # 0.1 mm; the world here is flat
+
+OSM = Format(
+    name="OpenStreetMap extract",
+    endings=(".osm", ".osm.xml", ".osm.gz", ".osm.xml.gz"),
+    root="osm",
+    option="--osm-files",
+    options=_OSM,
+)
+OPENDRIVE = Format(
+    name="OpenDRIVE file",
+    endings=(".xodr", ".xodr.gz"),
+    root="OpenDRIVE",
+    option="--opendrive-files",
+    options=_OPENDRIVE,
+)
+FORMATS = (OSM, OPENDRIVE)
+ENDINGS = OSM.endings + OPENDRIVE.endings
+
+
+def format_of(file: Path) -> Format | None:
+    """The format of roads to be converted that the file's name stands for; None for SUMO's own."""
+    return next((one for one in FORMATS if file.name.lower().endswith(one.endings)), None)
+
+
+def convert(file: Path, lefthand: bool, directory: Path) -> Path:
+    """The SUMO network of a file that `format_of` knows, in `directory`; `lefthand`: traffic keeps left.
+
+    Raises SettingsError for a file that is missing, of another kind, or refused by netconvert.
+    """
+    kind = format_of(file)
+    if kind is None:
+        raise SettingsError(f"{file}: roads are converted from {', '.join(ENDINGS)}")
+    try:
+        found, _ = root_element(file)
+    except (OSError, EOFError, zlib.error) as error:
+        raise SettingsError(f"{file}: cannot be read ({error})") from None
+    if found != kind.root:
+        told = f"begins with <{found}>" if found else "is no XML"
+        raise SettingsError(f"{file}: {told}, an {kind.name} begins with <{kind.root}>")
+    net_file = directory / "converted.net.xml"
+    try:
+        netconvert(
+            net_file, f"{kind.option}={file}", f"--lefthand={str(lefthand).lower()}", *kind.options, *_ALL
+        )
+    except BuildError as error:
+        raise SettingsError(f"{file}: {error}") from None
+    return net_file
