@@ -28,7 +28,7 @@ from sumo_net.road import RoadNetwork
 from sumo_net.script_player import ScriptPlayer
 from sumo_net.settings import read_toml
 from sumo_net.snapshot import Snapshot
-from sumo_net.traffic import Traffic
+from sumo_net.traffic import STEP_S, Traffic, TrafficError
 
 Array = np.ndarray[Any, Any]
 
@@ -60,8 +60,8 @@ class DriverAssistance:
         configuration: Configuration,
         network: BuiltNetwork | Path | None = None,
         *,
-        out: Path | None = None,
-        formats: Iterable[str] = ("csv",),
+        out: Path | str | None = None,
+        formats: Iterable[str] | str = ("csv",),
         run_id: str = "run",
         seed: int | None = None,
         threads: int | None = None,
@@ -75,6 +75,7 @@ class DriverAssistance:
         `scenario`: what the run can be repeated from, for configuration.json; none in a loop of your own.
         """
         keep_freed_memory()
+        out = None if out is None else Path(out)
         self.configuration = configuration
         self._traffic = traffic
         seed = configuration.seed if seed is None else seed
@@ -163,8 +164,14 @@ class DriverAssistance:
         return Tables(self.recorder)
 
     def step(self) -> None:
-        """Work through the 0.1 s that SUMO has just simulated."""
+        """Work through the 0.1 s that SUMO has just simulated.
+
+        Raises TrafficError, and does nothing, where SUMO's time has not moved by that since the last call.
+        """
+        if self._closed:
+            raise TrafficError("this assistance is closed: attach anew")
         snapshot = self._traffic.snapshot()
+        self._check_time()
         equipped = self._find_equipped(snapshot)
         truth = self._ego.step(snapshot, equipped, self._alerted)
         self._steps += 1
@@ -220,6 +227,14 @@ class DriverAssistance:
                     self._capture.close()
                 self._fleet.close()
                 self.recorder.close()
+
+    def _check_time(self) -> None:
+        now_s = self._traffic.time_s
+        if self._steps and abs(now_s - self._end_s - STEP_S) > STEP_S / 100.0:
+            raise TrafficError(
+                f"SUMO's time went from {self._end_s:.2f} to {now_s:.2f} s: step() is due once after every "
+                f"step of {STEP_S:g} s; after loadState, close this and attach anew"
+            )
 
     def _run_row(self) -> dict[str, list[Any]]:
         row = {

@@ -50,7 +50,7 @@ class Recorder:
     ----------
     run_id : written to every row.
     directory : where the files go; None keeps the tables in memory.
-    formats : any of "csv", "parquet".
+    formats : one of "csv", "parquet", or both. Raises ValueError for any other, or none.
     tables : the schema, by default that of `plugin.schema`.
     aside : write in a thread of its own; most of that does not hold the GIL. `flush` waits for it.
     """
@@ -58,12 +58,14 @@ class Recorder:
     def __init__(
         self,
         run_id: str,
-        directory: Path | None = None,
-        formats: Iterable[str] = ("csv",),
+        directory: Path | str | None = None,
+        formats: Iterable[str] | str = ("csv",),
         tables: Mapping[str, tuple[Column, ...]] = TABLES,
         aside: bool = False,
     ) -> None:
         self.run_id = run_id
+        formats = _known(formats)
+        directory = None if directory is None else Path(directory)
         self.directory = directory
         self._schema = tables
         self._memory: dict[str, list[pa.Table]] = {name: [] for name in tables}
@@ -75,7 +77,7 @@ class Recorder:
             directory.mkdir(parents=True, exist_ok=True)
             for name, columns in tables.items():
                 schema = arrow_schema(columns)
-                for suffix in ("csv", "parquet"):  # of an earlier run
+                for suffix in FORMATS:  # of an earlier run
                     (directory / f"{name}.{suffix}").unlink(missing_ok=True)
                 shutil.rmtree(_parts(directory / f"{name}.parquet"), ignore_errors=True)
                 if "csv" in formats:
@@ -150,11 +152,12 @@ class Recorder:
             every.callback(self.flush)  # the last is called first
 
 
-def read_table(directory: Path, name: str) -> pd.DataFrame:
+def read_table(directory: Path | str, name: str) -> pd.DataFrame:
     """One table of a finished, interrupted or killed run; a row that was cut short is left out.
 
     Raises FileNotFoundError where the directory holds none.
     """
+    directory = Path(directory)
     parquet, csv = directory / f"{name}.parquet", directory / f"{name}.csv"
     if parquet.exists():
         return to_pandas(pa.parquet.read_table(parquet))
@@ -179,7 +182,9 @@ def _read_csv(csv: Path, schema: pa.Schema) -> pa.Table:
         if not whole:
             return schema.empty_table()
         options = pa.csv.ConvertOptions(
-            column_types={field.name: field.type for field in schema}, strings_can_be_null=True
+            column_types={field.name: field.type for field in schema},
+            null_values=[""],  # Arrow's own list has names that a vehicle may bear: NaN, null, NA
+            strings_can_be_null=True,
         )
         return pa.csv.read_csv(pa.BufferReader(rows.slice(0, whole)), convert_options=options)
 
@@ -188,6 +193,15 @@ def to_pandas(table: pa.Table) -> pd.DataFrame:
     """A DataFrame in which empty cells are pandas' own missing value also for booleans and text."""
     frame: pd.DataFrame = table.to_pandas(types_mapper={pa.bool_(): pd.BooleanDtype()}.get)
     return frame
+
+
+def _known(formats: Iterable[str] | str) -> tuple[str, ...]:
+    chosen = (formats,) if isinstance(formats, str) else tuple(formats)
+    unknown = [one for one in chosen if one not in FORMATS]
+    if unknown or not chosen:
+        found = repr(unknown[0]) if unknown else "none"
+        raise ValueError(f"formats: {found}: known are {', '.join(FORMATS)}")
+    return chosen
 
 
 class _CsvFile:

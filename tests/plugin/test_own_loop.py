@@ -1,0 +1,133 @@
+"""What strangers do in a loop of their own: odd arguments, odd names, a clock that jumps."""
+
+import atexit
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from analysis.fork_server import ForkServer
+from plugin.record import Recorder, read_table
+from plugin.schema import TABLES
+
+_processes = ForkServer()
+atexit.register(_processes.close)
+
+STRANGE_IDS = ("NaN", "null", "007", "1e5", "a/b/../c", "überStraße#1", "車")
+
+
+def in_process(function: Any, *arguments: Any) -> Any:
+    return _processes.result(function, *arguments)
+
+
+@pytest.fixture(scope="module")
+def arguments(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """SUMO's, of a straight road with vehicles of strange names, one a second."""
+    import sumolib
+
+    folder = tmp_path_factory.mktemp("road")
+    (folder / "a.nod.xml").write_text('<nodes><node id="a" x="0" y="0"/><node id="b" x="900" y="0"/></nodes>')
+    (folder / "a.edg.xml").write_text(
+        '<edges><edge id="e" from="a" to="b" numLanes="2" speed="25"/></edges>', encoding="utf-8"
+    )
+    net = folder / "a.net.xml"
+    made = [sumolib.checkBinary("netconvert"), "-n", folder / "a.nod.xml", "-e", folder / "a.edg.xml"]
+    subprocess.run([*made, "-o", net], check=True, capture_output=True)
+    vehicles = "".join(
+        f'<vehicle id="{name}" route="r" depart="{depart}" departSpeed="20"/>'
+        for depart, name in enumerate(STRANGE_IDS)
+    )
+    routes = folder / "a.rou.xml"
+    routes.write_text(f'<routes><route id="r" edges="e"/>{vehicles}</routes>', encoding="utf-8")
+    return ["-n", str(net), "-r", str(routes), "--step-length", "0.1", "--no-step-log", "--no-warnings"]
+
+
+def loop(arguments: list[str], steps: int, **options: Any) -> dict[str, pd.DataFrame]:
+    import libsumo
+
+    from plugin import DriverAssistance
+
+    libsumo.start(["sumo", *arguments])
+    with DriverAssistance.attach(libsumo, equip=1.0, seed=7, threads=1, **options) as adas:
+        for _ in range(steps):
+            libsumo.simulationStep()
+            adas.step()
+    libsumo.close()
+    return dict(adas.tables)
+
+
+def test_out_may_be_text_and_every_name_comes_back(arguments: list[str], tmp_path: Path) -> None:
+    in_memory = in_process(loop, arguments, 80)
+    assert set(in_memory["steps"]["vehicle_id"]) == set(STRANGE_IDS)
+    for formats in ("csv", ("parquet",), ("csv", "parquet")):
+        written = in_process(_written, arguments, str(tmp_path / "out"), formats)
+        for name in TABLES:
+            pd.testing.assert_frame_equal(written[name], in_memory[name])
+    from_csv = read_table(str(tmp_path / "out"), "steps")
+    assert set(from_csv["vehicle_id"]) == set(STRANGE_IDS)
+
+
+def _written(arguments: list[str], out: str, formats: Any) -> dict[str, pd.DataFrame]:
+    return loop(arguments, 80, out=out, formats=formats)
+
+
+def test_an_unknown_format_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    (tmp_path / "steps.csv").write_text("mine")
+    with pytest.raises(ValueError, match=r"formats: .xlsx.*csv, parquet"):
+        Recorder("run", tmp_path, ("csv", "xlsx"))
+    with pytest.raises(ValueError, match="formats: none"):
+        Recorder("run", tmp_path, ())
+    assert (tmp_path / "steps.csv").read_text() == "mine"
+
+
+def jumps(arguments: list[str], state: str) -> list[str]:
+    """What is said where SUMO's clock does not move by a step between two calls."""
+    import libsumo
+
+    from plugin import DriverAssistance
+    from sumo_net.traffic import TrafficError
+
+    said = []
+    libsumo.start(["sumo", *arguments])
+    adas = DriverAssistance.attach(libsumo, equip=1.0, seed=7, threads=1)
+    for _ in range(20):
+        libsumo.simulationStep()
+        adas.step()
+    libsumo.simulation.saveState(state)
+
+    def try_step() -> None:
+        try:
+            adas.step()
+        except TrafficError as error:
+            said.append(str(error))
+
+    try_step()
+    libsumo.simulationStep()
+    adas.step()  # nothing was lost by it
+    libsumo.simulationStep()
+    libsumo.simulationStep()
+    try_step()
+    libsumo.simulation.loadState(state)
+    libsumo.simulationStep()
+    try_step()
+    adas.close()
+    try_step()
+    assert len(adas.tables["steps"]) == len(adas.tables["steps"].drop_duplicates(["vehicle_id", "time_s"]))
+    with DriverAssistance.attach(libsumo, equip=1.0, seed=7, threads=1) as again:
+        for _ in range(20):
+            libsumo.simulationStep()
+            again.step()
+    assert len(again.tables["steps"]) > 40
+    libsumo.close()
+    return said
+
+
+def test_a_clock_that_does_not_move_by_a_step_is_no_step(arguments: list[str], tmp_path: Path) -> None:
+    twice, skipped, loaded, closed = in_process(jumps, arguments, str(tmp_path / "state.xml"))
+    assert "2.00 to 2.00 s" in twice
+    assert "after every" in twice
+    assert "2.10 to 2.30 s" in skipped
+    assert "2.10 to 2.10 s" in loaded
+    assert "closed" in closed
