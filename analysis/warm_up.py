@@ -18,7 +18,8 @@ from typing import Any
 from numba.core import event
 
 from analysis.warm_up_parts import PARTS
-from sumo_net.compile import is_kept, kept
+from plugin.compiled import compiled
+from sumo_net.compile import kept
 
 Meet = Callable[[], None]
 Tell = Callable[[int], None]
@@ -78,14 +79,6 @@ def _with_helper() -> Iterator[Meet]:
         finally:
             helper.terminate()
             os.close(waiting)
-
-
-def compiled() -> bool:
-    """Whether the largest kernel is in the cache, or there is no cache that a helper could put it into."""
-    from plugin.lane.refine_kernels import step_kernel
-
-    kernel: Any = step_kernel  # a Dispatcher
-    return kernel.stats.cache_path is None or is_kept(kernel)
 
 
 def take(waiting: int, say: Callable[[bytes], object]) -> None:

@@ -1,5 +1,6 @@
 """The assistance of a running simulation: SUMO -> truth -> the fleet's chains -> tables, each 0.1 s."""
 
+import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,6 +11,7 @@ import pandas as pd
 from plugin import capture, rear_end, step_columns
 from plugin.capture import Capture, Look, Watch
 from plugin.chain import Chain, Moment, Outcome
+from plugin.compiled import compiled
 from plugin.configuration import Configuration, configuration_from, versions, write_configuration
 from plugin.fleet import Fleet
 from plugin.reaction import Listeners
@@ -145,7 +147,10 @@ class DriverAssistance:
             settings = configuration_from(mapping, "settings")
         elif equip is not None:
             raise ValueError("equip and a whole Configuration: set equipment.fraction in it instead")
-        return cls(Traffic.attach(simulation), settings, seed=seed, **options)
+        assistance = cls(Traffic.attach(simulation), settings, seed=seed, **options)
+        if not compiled():
+            logging.getLogger(__name__).warning("compiling in the first steps, once: one or two minutes")
+        return assistance
 
     def __enter__(self) -> "DriverAssistance":
         return self

@@ -131,3 +131,20 @@ def test_a_clock_that_does_not_move_by_a_step_is_no_step(arguments: list[str], t
     assert "2.10 to 2.30 s" in skipped
     assert "2.10 to 2.10 s" in loaded
     assert "closed" in closed
+
+
+def first_words(arguments: list[str]) -> str:
+    """What stands on standard error where nothing is compiled yet."""
+    import contextlib
+    import io
+
+    from plugin import assistance
+
+    assistance.compiled = lambda: False
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        loop(arguments, 1)
+    return said.getvalue()
+
+
+def test_the_long_first_start_is_announced(arguments: list[str]) -> None:
+    assert "compiling in the first steps" in in_process(first_words, arguments)
