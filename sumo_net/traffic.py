@@ -343,13 +343,11 @@ class Traffic:
 
     def _forget(self, absent: Iterable[str]) -> None:
         """Drop the vehicles that are gone for good: one that is teleporting is absent too, but comes back."""
-        for name in absent:
-            try:
-                self._sumo.vehicle.getRouteIndex(name)
-            except self._refused:
-                handle = self._numbers.pop(name)
-                self._routes.pop(handle, None)
-                self._left.append((self.time_s, handle))
+        # a question about one that is gone would be an "Error" on the terminal of a SUMO behind a socket
+        for name in set(absent).difference(self._sumo.vehicle.getTeleportingIDList()):
+            handle = self._numbers.pop(name)
+            self._routes.pop(handle, None)
+            self._left.append((self.time_s, handle))
         while self._left and self._left[0][0] < self.time_s - REMEMBERED_S:
             _, handle = self._left.popleft()
             del self._names[handle], self._kinds[handle]

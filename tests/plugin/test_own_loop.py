@@ -148,3 +148,26 @@ def first_words(arguments: list[str]) -> str:
 
 def test_the_long_first_start_is_announced(arguments: list[str]) -> None:
     assert "compiling in the first steps" in in_process(first_words, arguments)
+
+
+def words_of_sumo(arguments: list[str]) -> None:
+    """A loop over traci in which vehicles arrive; SUMO's words go to this process's standard error."""
+    import sumolib
+    import traci
+
+    from plugin import DriverAssistance
+
+    traci.start([sumolib.checkBinary("sumo"), *arguments], stdout=subprocess.DEVNULL)
+    with DriverAssistance.attach(traci, equip=1.0, seed=7, threads=1) as adas:
+        while traci.simulation.getMinExpectedNumber() > 0:
+            traci.simulationStep()
+            adas.step()
+    assert not adas.vehicles
+    traci.close()
+
+
+def test_a_vehicle_that_arrives_is_no_error_on_the_terminal(
+    arguments: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    words_of_sumo(arguments)
+    assert "rror" not in capfd.readouterr().err
