@@ -3,10 +3,10 @@
 from plugin.schema import TABLES, Column
 
 _ROWS = {
-    "steps": "an equipped vehicle × 0.1 s",
-    "predictions": "an equipped vehicle × 0.1 s × horizon (0.5, 1, 1.5, 2 s)",
+    "steps": "an equipped vehicle at one step of 0.1 s",
+    "predictions": "an equipped vehicle at one step and one horizon (0.5, 1, 1.5 or 2 s)",
     "warnings": "a warning",
-    "tracks": "a confirmed radar track × 0.1 s",
+    "tracks": "a confirmed radar track at one step",
     "conflicts": "a true rear-end conflict of an equipped vehicle with its leader",
     "departures": "a true crossing of a border by the outer edge of a front wheel",
     "runs": "a run",
@@ -15,9 +15,10 @@ _HEADER = """# Tables
 
 Made from the schema by `python -m analysis.table_reference > docs/tables.md`.
 
-One file a table, CSV or Parquet, one header, SI units in the column names. An empty cell means "not
-applicable" or "not known", never 0. Left is positive: offsets, headings, curvatures, rates. `true_…` is truth
-that the vehicle never sees. Later versions may add columns.
+Each table is one file, CSV or Parquet, with one header. SI units are in the column names. An empty cell
+means "not applicable" or "not known", never 0. Left is positive: offsets, headings, curvatures, rates.
+Columns named `true_…` hold the truth of the simulation, which the vehicle's estimators never see. Later
+versions may add columns.
 """
 
 
@@ -25,7 +26,7 @@ def reference() -> str:
     """The Markdown text."""
     parts = [_HEADER]
     for name, columns in TABLES.items():
-        parts.append(f"\n## {name}\n\nA row is {_ROWS[name]}.\n\n")
+        parts.append(f"\n## {name}\n\nEach row is {_ROWS[name]}.\n\n")
         parts.append("| column | type | meaning |\n|---|---|---|\n")
         parts += [_line(column) for column in columns]
     return "".join(parts)
