@@ -20,7 +20,7 @@ from plugin.truth import Scorer
 from plugin.warning import departure
 from sumo_net.batch import join, select
 from sumo_net.bend_speed import BendSpeed
-from sumo_net.ego import Ego, EgoTruth
+from sumo_net.ego import Ego, EgoTruth, as_driven
 from sumo_net.equipment import EquipmentChoice
 from sumo_net.incidents import IncidentMaker
 from sumo_net.lane_changes import LaneChanges
@@ -184,9 +184,11 @@ class DriverAssistance:
         if self._steps == 1:
             self._begin_s = self._end_s
         self.latest = None
-        sensed = self._lane_changes.step(snapshot, equipped) if len(truth.handle) else snapshot
         seen = self._seen(truth)
         self._fleet.follow(truth.handle[seen])
+        if len(truth.handle):
+            sensed = self._lane_changes.step(snapshot, equipped)
+            sensed = as_driven(sensed, truth, self.configuration.vehicle.bumper_m)
         if len(truth.handle[seen]):
             spans = self._ego.half_span_m()[seen]
             self._drive(sensed, select(truth, seen), spans, lambda: self._tell(snapshot, truth))

