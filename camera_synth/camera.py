@@ -24,17 +24,21 @@ class Camera:
     printed): the optical axis meets the road 33.5 m ahead, the horizon lies at y = 157.
     """
 
-    height_m: float = Field(1.34, gt=0, le=5, description="above the road")
+    height_m: float = Field(1.34, gt=0, le=5, description="height above the road")
     focal_px: float = Field(925.0, gt=0, description="focal length for the 320x240 image")
     focal_y_px: float | None = Field(
-        None, gt=0, description="vertical focal length where the image was scaled unequally; else focal_px"
+        None, gt=0, description="vertical focal length, where the image was scaled unequally; none: focal_px"
     )
-    pitch_rad: float = Field(math.atan(1.34 / 33.5), gt=-0.5, lt=0.5, description="downwards positive")
-    yaw_rad: float = Field(0.0, gt=-0.5, lt=0.5, description="left positive")
-    center_x_px: float = Field(160.0, description="principal point, column")
-    center_y_px: float = Field(120.0, description="principal point, up from the bottom row")
-    forward_m: float = Field(0.0, description="camera ahead of the centre of gravity")
-    left_m: float = Field(0.0, description="camera left of the vehicle's axis")
+    pitch_rad: float = Field(
+        math.atan(1.34 / 33.5), gt=-0.5, lt=0.5, description="pitch angle, downwards positive"
+    )
+    yaw_rad: float = Field(0.0, gt=-0.5, lt=0.5, description="yaw angle, left positive")
+    center_x_px: float = Field(160.0, description="column of the principal point")
+    center_y_px: float = Field(
+        120.0, description="row of the principal point, counted up from the bottom row"
+    )
+    forward_m: float = Field(0.0, description="distance of the camera ahead of the centre of gravity")
+    left_m: float = Field(0.0, description="distance of the camera left of the vehicle's axis")
 
     @property
     def horizon_y_px(self) -> float:

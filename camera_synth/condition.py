@@ -19,44 +19,65 @@ Array = np.ndarray[Any, Any]
 
 @settings
 class Condition:
-    """One kind of day. The defaults are the preset `clear`."""
+    """Light, weather and road surface. The defaults are the preset `clear`."""
 
-    world_seed: int = Field(1, ge=0, lt=2**31, description="of all patterns that stand in the world")
+    world_seed: int = Field(
+        1, ge=0, lt=2**31, description="random seed of all patterns that are fixed in the world"
+    )
 
-    asphalt_grey: float = Field(98.0, ge=0, le=255, description="road surface")
-    paint_grey: float = Field(215.0, ge=0, le=255, description="new marking")
-    verge_grey: float = Field(74.0, ge=0, le=255, description="grass beside the road")
-    sky_grey: float = Field(205.0, ge=0, le=255, description="sky above the horizon")
-    haze_grey: float = Field(150.0, ge=0, le=255, description="what distance fades to")
+    asphalt_grey: float = Field(98.0, ge=0, le=255, description="grey level of the road surface")
+    paint_grey: float = Field(215.0, ge=0, le=255, description="grey level of a new marking")
+    verge_grey: float = Field(74.0, ge=0, le=255, description="grey level of the grass beside the road")
+    sky_grey: float = Field(205.0, ge=0, le=255, description="grey level of the sky above the horizon")
+    haze_grey: float = Field(150.0, ge=0, le=255, description="grey level to which distant objects fade")
     visibility_m: float = Field(1500.0, gt=0, description="distance at which half of the contrast is left")
 
-    marking_width_m: float = Field(0.15, gt=0, le=1, description="lines between lanes")
-    edge_width_m: float = Field(0.20, gt=0, le=1, description="outermost lines")
+    marking_width_m: float = Field(0.15, gt=0, le=1, description="width of the lines between lanes")
+    edge_width_m: float = Field(0.20, gt=0, le=1, description="width of the outermost lines")
     dash_stroke_m: float = Field(6.0, gt=0, description="painted length of a dashed line")
     dash_gap_m: float = Field(9.0, ge=0, description="unpainted length of a dashed line")
 
-    texture: float = Field(4.0, ge=0, le=60, description="grey levels of asphalt patches, peak about twice")
-    wheel_tracks: float = Field(3.0, ge=0, le=60, description="grey levels that wheel tracks are darker by")
-    wear: float = Field(0.0, ge=0, le=1, description="0 new paint, 1 patchy down to the asphalt")
-    missing: float = Field(0.0, ge=0, le=0.9, description="share of the markings' length gone altogether")
+    texture: float = Field(
+        4.0,
+        ge=0,
+        le=60,
+        description="amplitude of asphalt patches in grey levels; the peak is about twice that",
+    )
+    wheel_tracks: float = Field(3.0, ge=0, le=60, description="grey levels by which wheel tracks are darker")
+    wear: float = Field(0.0, ge=0, le=1, description="0: new paint; 1: patchy down to the asphalt")
+    missing: float = Field(
+        0.0, ge=0, le=0.9, description="share of the markings' length that is missing altogether"
+    )
 
     shadow: float = Field(0.0, ge=0, le=1, description="share of the light that a tree's shadow takes")
-    shadow_cover: float = Field(0.3, ge=0, le=1, description="share of the road in trees' shadow, about")
+    shadow_cover: float = Field(
+        0.3, ge=0, le=1, description="share of the road in trees' shadow, approximately"
+    )
     overpass: float = Field(0.0, ge=0, le=1, description="share of the light that an overpass takes")
     overpass_spacing_m: float = Field(600.0, ge=50, description="one overpass in each such length of an edge")
 
-    ambient: float = Field(1.0, ge=0, le=2, description="gain of all daylight; 0.15 is night with headlights")
-    headlight: float = Field(0.0, ge=0, le=3, description="gain of the own headlights right ahead")
-    headlight_reach_m: float = Field(35.0, gt=0, description="distance at which a quarter of it is left")
+    ambient: float = Field(1.0, ge=0, le=2, description="gain of the daylight; 0.15 is night with headlights")
+    headlight: float = Field(0.0, ge=0, le=3, description="gain of the own headlights straight ahead")
+    headlight_reach_m: float = Field(
+        35.0, gt=0, description="distance at which a quarter of the headlights' gain is left"
+    )
 
-    glare: float = Field(0.0, ge=0, le=0.9, description="share of the contrast lost looking at the sun")
+    glare: float = Field(
+        0.0, ge=0, le=0.9, description="share of the contrast that is lost when looking at the sun"
+    )
     sun_azimuth_rad: float = Field(0.3, description="direction of the sun, counter-clockwise from +x")
 
-    drift: float = Field(0.02, ge=0, le=0.6, description="relative swing of the gain")
-    drift_grey: float = Field(0.0, ge=0, le=60, description="swing of the black level, grey levels")
-    drift_frames: float = Field(80.0, gt=1, description="frames between independent values of both")
+    drift: float = Field(0.02, ge=0, le=0.6, description="relative amplitude of the gain's drift")
+    drift_grey: float = Field(
+        0.0, ge=0, le=60, description="amplitude of the black level's drift, grey levels"
+    )
+    drift_frames: float = Field(
+        80.0, gt=1, description="number of frames between independent values of both drifts"
+    )
 
-    vignetting: float = Field(0.03, ge=0, le=0.8, description="share of the light lost in the corners")
+    vignetting: float = Field(
+        0.03, ge=0, le=0.8, description="share of the light that is lost in the corners"
+    )
     noise_grey: float = Field(3.0, ge=0, le=60, description="standard deviation of the sensor's noise")
 
 

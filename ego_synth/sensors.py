@@ -24,49 +24,63 @@ _STREAM = "ego sensors"
 
 @settings
 class EgoSensors:
-    """What the sensors are like. Noise and spreads between vehicles are standard deviations."""
+    """Errors of the vehicle's own sensors. Noise and differences between vehicles are standard deviations."""
 
     used: bool = Field(
         True,
-        description="false: observer and lane tracker have the camera alone; speed, acceleration and "
-        "the radar's yaw rate are without error",
+        description="false: observer and lane tracker use the camera alone, and speed, acceleration and the "
+        "radar's yaw rate have no error",
     )
     yaw_rate_noise_rps: float = Field(1e-3, ge=0, le=0.1, description="gyroscope: noise of a reading")
-    yaw_rate_resolution_rps: float = Field(1.2e-3, ge=0, le=0.1, description="gyroscope: step, 0 for none")
-    yaw_rate_offset_rps: float = Field(2e-3, ge=0, le=0.1, description="gyroscope: offset between vehicles")
-    yaw_rate_walk_rps: float = Field(2e-5, ge=0, le=0.01, description="gyroscope: its offset wanders, per √s")
+    yaw_rate_resolution_rps: float = Field(1.2e-3, ge=0, le=0.1, description="gyroscope: resolution; 0: none")
+    yaw_rate_offset_rps: float = Field(
+        2e-3, ge=0, le=0.1, description="gyroscope: offset, which differs between vehicles"
+    )
+    yaw_rate_walk_rps: float = Field(
+        2e-5, ge=0, le=0.01, description="gyroscope: random walk of the offset, per √s"
+    )
 
-    steering_ratio: float = Field(16.0, gt=1, le=40, description="steering wheel over front wheels")
+    steering_ratio: float = Field(
+        16.0, gt=1, le=40, description="steering-wheel angle over front-wheel angle"
+    )
     steering_noise_rad: float = Field(
         math.radians(0.03), ge=0, le=0.5, description="steering wheel: noise of a reading"
     )
     steering_resolution_rad: float = Field(
-        math.radians(0.1), ge=0, le=0.5, description="steering wheel: step, 0 for none"
+        math.radians(0.1), ge=0, le=0.5, description="steering wheel: resolution; 0: none"
     )
     steering_offset_rad: float = Field(
         math.radians(1.0),
         ge=0,
         le=0.5,
-        description="steering wheel: offset (wheel alignment) between vehicles",
+        description="steering wheel: offset (wheel alignment), which differs between vehicles",
     )
     steering_walk_rad: float = Field(
-        math.radians(0.01), ge=0, le=0.1, description="steering wheel: its offset wanders, per √s"
+        math.radians(0.01), ge=0, le=0.1, description="steering wheel: random walk of the offset, per √s"
     )
-    steering_scale: float = Field(0.01, ge=0, le=0.2, description="steering: share that the ratio errs by")
+    steering_scale: float = Field(0.01, ge=0, le=0.2, description="steering: relative error of the ratio")
 
     speed_noise_mps: float = Field(0.02, ge=0, le=2, description="wheel speed: noise of a reading")
-    speed_resolution_mps: float = Field(0.01, ge=0, le=1, description="wheel speed: step, 0 for none")
+    speed_resolution_mps: float = Field(0.01, ge=0, le=1, description="wheel speed: resolution; 0: none")
     speed_scale: float = Field(
         0.001,
         ge=0,
         le=0.1,
-        description="wheel speed: share that it errs by (tyre's radius), between vehicles",
+        description="wheel speed: relative error (tyre radius), which differs between vehicles",
     )
 
-    acceleration_noise_mps2: float = Field(0.05, ge=0, le=5, description="forward: noise of a reading")
-    acceleration_resolution_mps2: float = Field(0.02, ge=0, le=1, description="forward: step, 0 for none")
+    acceleration_noise_mps2: float = Field(
+        0.05, ge=0, le=5, description="longitudinal acceleration: noise of a reading"
+    )
+    acceleration_resolution_mps2: float = Field(
+        0.02, ge=0, le=1, description="longitudinal acceleration: resolution; 0: none"
+    )
     acceleration_offset_mps2: float = Field(
-        0.1, ge=0, le=2, description="forward: offset (slope of the road, mounting) between vehicles"
+        0.1,
+        ge=0,
+        le=2,
+        description="longitudinal acceleration: offset (slope of the road, mounting), which differs between "
+        "vehicles",
     )
 
 

@@ -20,8 +20,8 @@ Array = np.ndarray[Any, Any]
 class Beam:
     """One part of the field of view: a sector to both sides of the vehicle's axis."""
 
-    half_angle_rad: float = Field(gt=0, le=1.4, description="to each side")
-    range_m: float = Field(gt=1, le=500, description="how far")
+    half_angle_rad: float = Field(gt=0, le=1.4, description="opening angle to each side")
+    range_m: float = Field(gt=1, le=500, description="greatest range")
 
 
 LONG_RANGE = Beam(half_angle_rad=math.radians(10.0), range_m=200.0)
@@ -35,35 +35,55 @@ class Radar:
     beams: tuple[Beam, ...] = Field(
         (LONG_RANGE, MID_RANGE), min_length=1, max_length=4, description="the field of view: all of them"
     )
-    mount_forward_m: float = Field(1.6, ge=-5, le=5, description="ahead of the centre of gravity")
-    mount_left_m: float = Field(0.0, ge=-1.5, le=1.5, description="left of the vehicle's axis")
-    minimum_range_m: float = Field(0.5, ge=0.05, le=10, description="nothing nearer is reported")
-    range_noise_m: float = Field(1.0, ge=0, le=20, description="standard deviation")
-    range_rate_noise_mps: float = Field(0.5, ge=0, le=10, description="standard deviation")
-    azimuth_noise_rad: float = Field(math.radians(0.2), ge=0, le=0.2, description="standard deviation, 0.2°")
-    snr_db: float = Field(35.0, ge=-20, le=120, description="signal to noise of 10 m² at 100 m")
+    mount_forward_m: float = Field(
+        1.6, ge=-5, le=5, description="distance of the radar ahead of the centre of gravity"
+    )
+    mount_left_m: float = Field(
+        0.0, ge=-1.5, le=1.5, description="distance of the radar left of the vehicle's axis"
+    )
+    minimum_range_m: float = Field(0.5, ge=0.05, le=10, description="nearer objects are not detected")
+    range_noise_m: float = Field(1.0, ge=0, le=20, description="standard deviation of the range")
+    range_rate_noise_mps: float = Field(0.5, ge=0, le=10, description="standard deviation of the range rate")
+    azimuth_noise_rad: float = Field(
+        math.radians(0.2), ge=0, le=0.2, description="standard deviation of the azimuth, 0.2°"
+    )
+    snr_db: float = Field(35.0, ge=-20, le=120, description="signal-to-noise ratio of 10 m² at 100 m")
     false_alarm_probability: float = Field(
-        1e-6, gt=0, lt=0.5, description="of a cell: sets the detection probability at a given signal"
+        1e-6,
+        gt=0,
+        lt=0.5,
+        description="false-alarm probability of a cell, which sets the detection probability at a given "
+        "signal",
     )
     most_likely: float = Field(0.98, ge=0, le=1, description="detection probability of the strongest echo")
     cross_section_per_m2: float = Field(
-        3.7, gt=0, description="radar cross-section per visible area; a car's rear of 1.8 m x 1.5 m has 10 m²"
+        3.7, gt=0, description="radar cross-section per visible area; a car's rear of 1.8 m × 1.5 m has 10 m²"
     )
     least_share: float = Field(
-        0.05, ge=0, le=1, description="bodies that are hidden but for less than this share stay unseen"
+        0.05, ge=0, le=1, description="bodies of which less than this share is visible are not detected"
     )
-    clutter_rate: float = Field(0.3, ge=0, le=20, description="false detections a scan, mean (Poisson)")
-    clutter_rate_span_mps: float = Field(60.0, gt=0, description="their range rates lie within ± this")
-    long_body_m: float = Field(8.0, gt=0, description="bodies from this length on reflect at a second point")
-    second_reflection_m: float = Field(7.0, gt=0, description="it lies so much further along the body")
+    clutter_rate: float = Field(0.3, ge=0, le=20, description="false detections per scan, mean (Poisson)")
+    clutter_rate_span_mps: float = Field(
+        60.0, gt=0, description="range rates of false detections lie within ± this"
+    )
+    long_body_m: float = Field(
+        8.0, gt=0, description="bodies of at least this length have a second reflection"
+    )
+    second_reflection_m: float = Field(
+        7.0, gt=0, description="distance of the second reflection along the body"
+    )
     second_probability: float = Field(
-        0.6, ge=0, le=1, description="of being detected at the second point, where that one is in view"
+        0.6, ge=0, le=1, description="detection probability of the second reflection, where it is in view"
     )
     least_hiding_m: float = Field(
-        0.3, ge=0, description="bodies shorter and narrower than this hide nothing: posts"
+        0.3, ge=0, description="bodies shorter and narrower than this (posts) hide nothing"
     )
-    most_objects: int = Field(96, ge=1, le=1000, description="bodies that are looked at, the nearest ones")
-    most_detections: int = Field(48, ge=1, le=500, description="detections a scan, the nearest ones")
+    most_objects: int = Field(
+        96, ge=1, le=1000, description="largest number of bodies considered, the nearest ones"
+    )
+    most_detections: int = Field(
+        48, ge=1, le=500, description="largest number of detections per scan, the nearest ones"
+    )
 
     @model_validator(mode="after")
     def _nearest_before_furthest(self) -> Self:

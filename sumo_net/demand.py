@@ -24,22 +24,24 @@ _ENTRY_M = 30.0  # nothing is placed this close to the beginning, where the flow
 
 @settings
 class Car:
-    """Passenger cars: what the flows consist of where nothing else is said."""
+    """Passenger cars: all vehicles that are neither vans nor trucks."""
 
     length_m: float = Field(4.2, gt=1, le=30)
     width_m: float = Field(1.75, gt=0.5, le=3)
     height_m: float = Field(1.5, gt=0.5, le=5)
     max_speed_mps: float = Field(55.0, gt=5, le=100)
     acceleration_mps2: float = Field(2.6, gt=0, le=10)
-    speed_factor: float = Field(1.0, gt=0.2, le=2, description="wished speed over the limit, mean")
-    speed_factor_deviation: float = Field(0.1, ge=0, le=0.5, description="its standard deviation")
+    speed_factor: float = Field(1.0, gt=0.2, le=2, description="desired speed over the speed limit, mean")
+    speed_factor_deviation: float = Field(
+        0.1, ge=0, le=0.5, description="standard deviation of the speed factor"
+    )
 
 
 @settings
 class Van(Car):
     """Delivery vans."""
 
-    share: float = Field(0.08, ge=0, le=1, description="of all vehicles")
+    share: float = Field(0.08, ge=0, le=1, description="share of all vehicles")
     length_m: float = Field(6.0, gt=1, le=30)
     width_m: float = Field(2.05, gt=0.5, le=3)
     height_m: float = Field(2.7, gt=0.5, le=5)
@@ -51,7 +53,7 @@ class Van(Car):
 class Truck(Car):
     """Lorries: they keep to the right lane and to 80 km/h or a little more."""
 
-    share: float = Field(0.12, ge=0, le=1, description="of all vehicles")
+    share: float = Field(0.12, ge=0, le=1, description="share of all vehicles")
     length_m: float = Field(14.0, gt=1, le=30)
     width_m: float = Field(2.5, gt=0.5, le=3)
     height_m: float = Field(3.8, gt=0.5, le=5)
@@ -64,17 +66,17 @@ class Truck(Car):
 class Driver:
     """Car-following (SUMO's Krauss model) of most drivers."""
 
-    tau_s: float = Field(1.2, ge=0.1, le=10, description="wished time gap")
+    tau_s: float = Field(1.2, ge=0.1, le=10, description="desired time gap")
     min_gap_m: float = Field(2.5, ge=0, le=20)
-    sigma: float = Field(0.5, ge=0, le=1, description="imperfection")
-    action_step_s: float = Field(0.1, ge=0.1, le=3, description="how often the driver decides")
+    sigma: float = Field(0.5, ge=0, le=1, description="driver imperfection (SUMO's sigma)")
+    action_step_s: float = Field(0.1, ge=0.1, le=3, description="interval between the driver's decisions")
 
 
 @settings
 class HurriedDriver(Driver):
-    """Drivers who follow closely: without them nothing on the road comes near a collision."""
+    """Drivers who follow closely; without them no vehicles come near a collision."""
 
-    share: float = Field(0.1, ge=0, le=1, description="of the cars")
+    share: float = Field(0.1, ge=0, le=1, description="share of the cars")
     tau_s: float = Field(0.4, ge=0.1, le=10)
     min_gap_m: float = Field(1.0, ge=0, le=20)
     sigma: float = Field(0.9, ge=0, le=1)
@@ -83,13 +85,18 @@ class HurriedDriver(Driver):
 
 @settings
 class Demand:
-    """Flows and who is in them."""
+    """Traffic flows and the vehicles in them."""
 
-    flow_per_lane_vph: float = Field(900.0, ge=0, le=3000, description="vehicles an hour and lane, each way")
-    backward_flow_per_lane_vph: float | None = Field(
-        None, ge=0, le=3000, description="the other way on the built-in highway, where it is not the same"
+    flow_per_lane_vph: float = Field(
+        900.0, ge=0, le=3000, description="vehicles per hour and lane, in each direction"
     )
-    filled: bool = Field(True, description="the built-in highway is full from the start")
+    backward_flow_per_lane_vph: float | None = Field(
+        None,
+        ge=0,
+        le=3000,
+        description="the same for the opposite direction of the built-in highway, if different",
+    )
+    filled: bool = Field(True, description="the built-in highway is full of traffic from the start")
     car: Car = Field(default_factory=Car)
     van: Van = Field(default_factory=Van)
     truck: Truck = Field(default_factory=Truck)

@@ -30,15 +30,21 @@ _TABLE_SPEEDS = 16  # up to 60 m/s; the kernel clamps beyond
 
 @settings
 class Driver:
-    """The population that drivers are drawn from. Defaults give about 9 departures per 100 km at 110 km/h."""
+    """The population of drivers. The defaults give about 9 departures per 100 km at 110 km/h."""
 
     sleepy_share: float = Field(0.10, ge=0, le=1, description="share of drivers that are sleepy")
-    alert_sd_least_m: float = Field(0.18, ge=0, description="SDLP of alert drivers, from")
-    alert_sd_most_m: float = Field(0.20, ge=0, description="to")
-    sleepy_sd_least_m: float = Field(0.30, ge=0, description="SDLP of sleepy drivers, from")
-    sleepy_sd_most_m: float = Field(0.45, ge=0, description="to")
-    offset_sd_m: float = Field(0.12, ge=0, description="between drivers: spread of the mean lateral position")
-    offset_most_m: float = Field(0.30, ge=0, description="no driver's mean lies farther off the centre")
+    alert_sd_least_m: float = Field(
+        0.18, ge=0, description="standard deviation of the lateral position (SDLP) of alert drivers, lowest"
+    )
+    alert_sd_most_m: float = Field(0.20, ge=0, description="SDLP of alert drivers, highest")
+    sleepy_sd_least_m: float = Field(0.30, ge=0, description="SDLP of sleepy drivers, lowest")
+    sleepy_sd_most_m: float = Field(0.45, ge=0, description="SDLP of sleepy drivers, highest")
+    offset_sd_m: float = Field(
+        0.12, ge=0, description="standard deviation between drivers of the mean lateral position"
+    )
+    offset_most_m: float = Field(
+        0.30, ge=0, description="greatest distance of any driver's mean position from the centre"
+    )
 
     bandwidth_rps: float = Field(0.70, gt=0, le=2, description="natural frequency of lane keeping, rad/s")
     damping: float = Field(0.80, gt=0, le=2, description="damping ratio of lane keeping")
@@ -52,44 +58,74 @@ class Driver:
         3.3e-4,
         ge=0,
         le=0.01,
-        description="quick unrest of the front wheels around 1 Hz (hands, road); the default makes 0.27 mrad "
-        "between 1 and 3 Hz, as a recorded freeway drive shows (0.24° at the steering wheel)",
+        description="fast steering noise at the front wheels around 1 Hz (hands, road); the default makes "
+        "0.27 mrad between 1 and 3 Hz, as a recorded freeway drive shows (0.24° at the steering "
+        "wheel)",
     )
-    jitter_time_s: float = Field(0.16, gt=0.02, description="its time constant: most at 1 / (2π · that) Hz")
-    noise_time_s: float = Field(1.5, gt=0, description="correlation time of the steer's disturbance")
+    jitter_time_s: float = Field(
+        0.16,
+        gt=0.02,
+        description="time constant of the fast steering noise, which peaks at 1 / (2π · this) Hz",
+    )
+    noise_time_s: float = Field(1.5, gt=0, description="correlation time of the steering disturbance")
     steer_lag_s: float = Field(0.15, gt=0.02, description="time constant of arm and wheel")
-    steer_rate_most_rps: float = Field(0.50, gt=0, description="of the front wheels, rad/s")
-    steer_most_rad: float = Field(0.60, gt=0, le=1, description="of the front wheels")
-    correction_most_mps2: float = Field(2.5, gt=0, description="lateral acceleration on top of the curve's")
-    friction: float = Field(0.80, gt=0, le=1.5, description="total lateral acceleration asked for, over g")
-    bend_mps2: float = Field(4.0, gt=0, description="slows down for bends that would ask for more, laterally")
-    bend_braking_mps2: float = Field(2.0, gt=0, le=9, description="and brakes so hard for them")
-    slow_mps: float = Field(8.0, gt=1, description="below, control and lane changes go by distance, not time")
+    steer_rate_most_rps: float = Field(
+        0.50, gt=0, description="highest steering rate of the front wheels, rad/s"
+    )
+    steer_most_rad: float = Field(0.60, gt=0, le=1, description="largest steering angle of the front wheels")
+    correction_most_mps2: float = Field(
+        2.5, gt=0, description="most lateral acceleration for corrections, beyond that of the curve"
+    )
+    friction: float = Field(0.80, gt=0, le=1.5, description="highest total lateral acceleration, over g")
+    bend_mps2: float = Field(
+        4.0, gt=0, description="slows down for bends that would need more lateral acceleration than this"
+    )
+    bend_braking_mps2: float = Field(2.0, gt=0, le=9, description="deceleration before such bends")
+    slow_mps: float = Field(
+        8.0, gt=1, description="below this speed, control and lane changes go by distance instead of time"
+    )
 
-    distraction_per_min: float = Field(2.5, ge=0, description="glances away that freeze the steering")
-    glance_mean_s: float = Field(1.1, gt=0, description="mean of their lognormal duration")
-    glance_log_sd: float = Field(0.6, ge=0, description="its shape: standard deviation of the logarithm")
-    drift_sd_mps2: float = Field(0.10, ge=0, description="lateral acceleration from the frozen steer's error")
-    microsleep_per_min: float = Field(0.10, ge=0, description="of sleepy drivers")
-    microsleep_least_s: float = Field(3.0, gt=0, description="shortest")
-    microsleep_most_s: float = Field(15.0, gt=0, description="longest (uniform between)")
+    distraction_per_min: float = Field(
+        2.5, ge=0, description="glances away per minute, during which the steering is frozen"
+    )
+    glance_mean_s: float = Field(1.1, gt=0, description="mean duration of a glance (lognormal)")
+    glance_log_sd: float = Field(
+        0.6, ge=0, description="standard deviation of the logarithm of that duration"
+    )
+    drift_sd_mps2: float = Field(
+        0.10,
+        ge=0,
+        description="lateral acceleration by the error of the frozen steering angle, standard deviation",
+    )
+    microsleep_per_min: float = Field(0.10, ge=0, description="microsleeps per minute of sleepy drivers")
+    microsleep_least_s: float = Field(3.0, gt=0, description="shortest microsleep")
+    microsleep_most_s: float = Field(15.0, gt=0, description="longest microsleep (uniform between)")
     calm_curve_mps2: float = Field(
-        1.5, ge=0, description="episodes begin only where the curve asks for less lateral acceleration"
+        1.5,
+        ge=0,
+        description="glances and microsleeps begin only where the curve needs less lateral acceleration than "
+        "this",
     )
     calm_change_mps2: float = Field(
-        0.4, ge=0, description="and only where that changes by less within the next 3 s"
+        0.4, ge=0, description="and only where that changes by less than this within the next 3 s"
     )
     wake_beyond_border_m: float = Field(
-        0.15, ge=0, description="a wheel so far beyond the border (rumble strip, traffic) startles the driver"
+        0.15,
+        ge=0,
+        description="a wheel this far beyond the border (rumble strip, traffic) startles the driver",
     )
-    startle_s: float = Field(0.4, gt=0, description="from there to steering again")
-    reaction_mean_s: float = Field(0.8, gt=0, description="from a warning to steering again")
-    reaction_sd_s: float = Field(0.2, ge=0, description="between drivers")
+    startle_s: float = Field(0.4, gt=0, description="time from being startled to steering again")
+    reaction_mean_s: float = Field(0.8, gt=0, description="time from a warning to steering again, mean")
+    reaction_sd_s: float = Field(0.2, ge=0, description="standard deviation of that between drivers")
 
-    lane_change_least_s: float = Field(4.0, ge=2, description="duration of a lane change, from")
-    lane_change_most_s: float = Field(6.0, ge=2, description="to")
-    signal_probability: float = Field(0.92, ge=0, le=1, description="mean share of lane changes signalled")
-    signal_spread: float = Field(0.08, ge=0, le=0.5, description="drivers lie uniformly so far around it")
+    lane_change_least_s: float = Field(4.0, ge=2, description="shortest duration of a lane change")
+    lane_change_most_s: float = Field(6.0, ge=2, description="longest duration of a lane change")
+    signal_probability: float = Field(
+        0.92, ge=0, le=1, description="mean share of lane changes with the turn signal"
+    )
+    signal_spread: float = Field(
+        0.08, ge=0, le=0.5, description="half width of the uniform distribution of that share between drivers"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> "Driver":

@@ -34,11 +34,15 @@ _YES, _NO = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 
 @settings
 class Equipment:
-    """Who is equipped. Named vehicles are; then what a type or vehicle asks for counts; then the share."""
+    """Which vehicles are equipped: those of `ids`, else as type or vehicle ask for, else by `fraction`."""
 
-    fraction: float = Field(0.2, ge=0, le=1, description="share of the vehicles of `classes`")
+    fraction: float = Field(
+        0.2, ge=0, le=1, description="share of the vehicles of `classes` that is equipped"
+    )
     ids: tuple[str, ...] = Field((), description="SUMO ids of vehicles that are equipped in any case")
-    classes: tuple[str, ...] = Field(LIGHT_CLASSES, description="SUMO vehicle classes that the share is of")
+    classes: tuple[str, ...] = Field(
+        LIGHT_CLASSES, description="SUMO vehicle classes to which `fraction` applies"
+    )
     types_may_ask: bool = Field(True, description="heed <param key='has.adas.device'> and 'adas.equipped'")
 
     def __post_init__(self) -> None:

@@ -25,10 +25,10 @@ class Element:
     that of the element after it.
     """
 
-    kind: Literal["straight", "clothoid", "arc"] = Field(description="straight, clothoid or arc")
-    length_m: float = Field(gt=0, le=100_000, description="along the alignment")
-    radius_m: float | None = Field(None, description="of an arc: positive turns left, negative right")
-    speed_limit_kmh: float = Field(130.0, gt=0, le=300, description="speed limit on this piece")
+    kind: Literal["straight", "clothoid", "arc"] = Field(description="shape: straight, clothoid or arc")
+    length_m: float = Field(gt=0, le=100_000, description="length along the alignment")
+    radius_m: float | None = Field(None, description="radius of an arc: positive turns left, negative right")
+    speed_limit_kmh: float = Field(130.0, gt=0, le=300, description="speed limit on this element")
 
     @pydantic.model_validator(mode="after")
     def _radius_fits_kind(self) -> "Element":
@@ -76,13 +76,19 @@ _DEFAULT = (
 class Highway:
     """A divided highway; both directions run side by side along the alignment."""
 
-    lanes: int = Field(3, ge=1, le=6, description="per direction")
+    lanes: int = Field(3, ge=1, le=6, description="number of lanes per direction")
     lane_width_m: float = Field(3.75, ge=2.5, le=5.0)
-    median_m: float = Field(4.0, ge=1.0, le=60.0, description="between the two leftmost borders")
-    shoulder_right_m: float = Field(2.5, ge=0.0, le=10.0, description="asphalt outside the right border")
-    shoulder_left_m: float = Field(0.75, ge=0.0, le=10.0, description="asphalt outside the left border")
+    median_m: float = Field(
+        4.0, ge=1.0, le=60.0, description="width between the leftmost borders of both directions"
+    )
+    shoulder_right_m: float = Field(
+        2.5, ge=0.0, le=10.0, description="width of the asphalt outside the right border"
+    )
+    shoulder_left_m: float = Field(
+        0.75, ge=0.0, le=10.0, description="width of the asphalt outside the left border"
+    )
     elements: tuple[Element, ...] = Field(_DEFAULT, min_length=1, description="along the forward direction")
-    longest_edge_m: float = Field(1500.0, ge=50.0, description="longer pieces become several edges")
+    longest_edge_m: float = Field(1500.0, ge=50.0, description="longer elements are split into several edges")
 
     @pydantic.model_validator(mode="after")
     def _fits(self) -> "Highway":

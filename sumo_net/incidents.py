@@ -25,24 +25,31 @@ _CUT_IN_S = 3.0  # for so long it stays on the lane it has cut into
 
 @settings
 class Incidents:
-    """How often vehicles of the traffic do what others have to react to; 0 is never."""
+    """How often vehicles do what others have to react to; 0: never."""
 
-    brakings_per_h: float = Field(0.0, ge=0, le=3600, description="hard brakings a vehicle and hour, mean")
+    brakings_per_h: float = Field(0.0, ge=0, le=3600, description="hard brakings per vehicle and hour, mean")
     braking_least_mps2: float = Field(3.0, gt=0, le=9)
     braking_hardest_mps2: float = Field(7.0, gt=0, le=9)
-    speed_lost_least: float = Field(0.3, gt=0, le=1, description="share of the speed that is braked away")
+    speed_lost_least: float = Field(
+        0.3, gt=0, le=1, description="share of the speed that is lost by a hard braking"
+    )
     speed_lost_most: float = Field(0.8, gt=0, le=1)
     follower_away: float = Field(
-        0.0, ge=0, le=1, description="chance that who follows looks away when the leader brakes"
+        0.0, ge=0, le=1, description="probability that the follower looks away when the leader brakes hard"
     )
-    away_least_s: float = Field(1.0, gt=0, le=10, description="for how long he does not react")
+    away_least_s: float = Field(1.0, gt=0, le=10, description="time for which that follower does not react")
     away_most_s: float = Field(2.5, gt=0, le=10)
     cut_ins_per_h: float = Field(
-        0.0, ge=0, le=3600, description="attempts a vehicle and hour, mean; most find nobody to cut in on"
+        0.0,
+        ge=0,
+        le=3600,
+        description="attempted cut-ins per vehicle and hour, mean; most find no vehicle to cut in on",
     )
-    cut_in_least_s: float = Field(0.3, gt=0, le=10, description="time gap left to who is cut in on")
+    cut_in_least_s: float = Field(
+        0.3, gt=0, le=10, description="time gap left to the vehicle that is cut in on"
+    )
     cut_in_most_s: float = Field(1.0, gt=0, le=10)
-    least_speed_mps: float = Field(8.0, ge=0, le=60, description="slower vehicles do none of it")
+    least_speed_mps: float = Field(8.0, ge=0, le=60, description="slower vehicles cause no incidents")
 
 
 class _Draws(NamedTuple):

@@ -29,18 +29,27 @@ PARKED = (4.4, 1.8, 1.5)
 class Roadside:
     """Roadside objects; a spacing or number of 0 leaves a kind out."""
 
-    post_spacing_m: float = Field(50.0, ge=0, description="delineator posts on both sides, along each edge")
-    post_clearance_m: float = Field(0.5, ge=0, le=10, description="from the asphalt's edge to the posts")
-    rail_side: Literal["left", "right", "both", "none"] = Field("left", description="where guard rails run")
-    rail_spacing_m: float = Field(20.0, ge=0, description="between points of a rail that reflect")
-    rail_clearance_m: float = Field(0.4, ge=0, le=10, description="from the asphalt's edge to the rail")
+    post_spacing_m: float = Field(
+        50.0, ge=0, description="spacing of delineator posts on both sides, along each edge"
+    )
+    post_clearance_m: float = Field(
+        0.5, ge=0, le=10, description="distance from the asphalt's edge to the posts"
+    )
+    rail_side: Literal["left", "right", "both", "none"] = Field("left", description="sides with guard rails")
+    rail_spacing_m: float = Field(20.0, ge=0, description="spacing of the reflecting points of a rail")
+    rail_clearance_m: float = Field(
+        0.4, ge=0, le=10, description="distance from the asphalt's edge to the rail"
+    )
     parked_per_km: float = Field(
-        0.3, ge=0, le=100, description="cars at the roadside, where traffic keeps, mean"
+        0.3,
+        ge=0,
+        le=100,
+        description="parked cars per km at the roadside, on the side where traffic keeps, mean",
     )
     parked_clearance_m: float = Field(
-        0.35, ge=0.2, le=5, description="from the right lane's border to a parked car"
+        0.35, ge=0.2, le=5, description="distance from the outer lane's border to a parked car"
     )
-    seed: int = Field(1, ge=0, lt=2**31, description="of the places of parked cars")
+    seed: int = Field(1, ge=0, lt=2**31, description="random seed of the positions of parked cars")
 
 
 class RoadsideTable(NamedTuple):

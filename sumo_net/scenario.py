@@ -34,17 +34,21 @@ class Scenario:
 
     title: str = Field("", description="one line for lists")
     purpose: str = Field("", description="what the scenario is for")
-    duration_s: float = Field(120.0, gt=0, le=86_400, description="that is recorded, after the warm-up")
-    warm_up_s: float = Field(10.0, ge=0, le=86_400, description="SUMO alone, before the recorded time")
-    seed: int = Field(1, ge=0, lt=2**31, description="of SUMO and of everything drawn here")
-    configuration: str = Field("", description="a .sumocfg that is run as it is, with its own demand")
+    duration_s: float = Field(
+        120.0, gt=0, le=86_400, description="simulated time that is recorded, after the warm-up"
+    )
+    warm_up_s: float = Field(
+        10.0, ge=0, le=86_400, description="time that SUMO simulates alone before the recorded time"
+    )
+    seed: int = Field(1, ge=0, lt=2**31, description="random seed of SUMO and of everything drawn here")
+    configuration: str = Field("", description="path of a .sumocfg, which runs unchanged with its own demand")
     net_file: str = Field(
         "",
-        description="a .net.xml on which `demand` drives, or an OpenStreetMap extract (.osm, .osm.xml) or "
-        "OpenDRIVE file (.xodr), of which one is made",
+        description="path of a network on which the traffic of `demand` drives: a .net.xml, or an "
+        "OpenStreetMap extract (.osm, .osm.xml) or OpenDRIVE file (.xodr), which is converted",
     )
     lefthand: bool = Field(
-        False, description="traffic keeps left, where net_file is converted: SUMO's own networks say it"
+        False, description="traffic keeps left, where net_file is converted; SUMO's own networks state it"
     )
     highway: Highway = Field(default_factory=Highway, description="built where no file is named")
     demand: Demand = Field(default_factory=Demand)
@@ -55,7 +59,9 @@ class Scenario:
     actors: tuple[Actor, ...] = Field((), description="vehicles that are placed, a table each")
     script: tuple[Manoeuvre, ...] = Field((), description="what they are told, a table each")
     time_to_teleport_s: float | None = Field(
-        None, description="SUMO takes a jammed vehicle away after this; -1 never; none: as SUMO has it"
+        None,
+        description="SUMO removes a vehicle that has been jammed for this long; -1: never; none: SUMO's "
+        "default",
     )
 
     @pydantic.model_validator(mode="after")

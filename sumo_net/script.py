@@ -19,23 +19,29 @@ BodyName = Literal["car", "van", "truck"]
 class Actor:
     """A vehicle placed on the road."""
 
-    id: str = Field(min_length=1, pattern=r"^[^\s<>&\"']+$", description="SUMO's id of it")
-    direction: Literal["forward", "backward"] = Field("forward", description="on the built-in highway")
-    edges: tuple[str, ...] = Field((), description="its route, on a network of the user's")
-    lane: int = Field(0, ge=0, le=20, description="0 is the rightmost")
+    id: str = Field(min_length=1, pattern=r"^[^\s<>&\"']+$", description="SUMO's id of the vehicle")
+    direction: Literal["forward", "backward"] = Field(
+        "forward", description="direction on the built-in highway"
+    )
+    edges: tuple[str, ...] = Field((), description="route, on the user's own network")
+    lane: int = Field(0, ge=0, le=20, description="index of the lane; 0 is the rightmost")
     position_m: float = Field(
-        ge=0, description="of its front bumper along its lane: the whole highway's, or the first edge's"
+        ge=0,
+        description="position of the front bumper along the lane: of the whole highway, or of the first edge",
     )
     speed_mps: float = Field(ge=0, le=60)
     body: BodyName = Field("car", description="one of the demand's vehicle types: car, van, truck")
-    equipped: bool = Field(False, description="has the assistance, and a lateral driver to be told")
+    equipped: bool = Field(False, description="has the assistance and a lateral driver model")
     offset_m: float | None = Field(
-        None, ge=-2, le=2, description="left of the lane's centre, where its driver keeps; none: drawn"
+        None,
+        ge=-2,
+        le=2,
+        description="lateral position of its driver, left of the lane's centre; none: drawn at random",
     )
     held: bool = Field(
-        True, description="keeps speed and lane until told otherwise; else drives as others do"
+        True, description="keeps speed and lane until commanded otherwise; false: drives like other vehicles"
     )
-    at_s: float = Field(0.0, ge=0, description="when it is placed")
+    at_s: float = Field(0.0, ge=0, description="time at which it is placed")
 
     @pydantic.model_validator(mode="after")
     def _has_a_driver(self) -> "Actor":
@@ -62,23 +68,35 @@ _ALLOWED = {
 
 @settings
 class Manoeuvre:
-    """What one vehicle does from one time on."""
+    """A command to one vehicle, from one time on."""
 
-    who: str = Field(min_length=1, description="an actor, or any vehicle of a configuration by its SUMO id")
-    at_s: float = Field(ge=0, description="when")
-    do: Literal["speed", "free", "veer", "change_lane"] = Field(
-        description="speed: go over to speed_mps at rate_mps2 and hold it; free: drive as others do from "
-        "now on; veer: drift off at drift_mps for for_s, then steer back; change_lane: to the side, at once"
+    who: str = Field(
+        min_length=1, description="id of an actor, or SUMO's id of any vehicle of a configuration"
     )
-    speed_mps: float | None = Field(None, ge=0, le=60, description="of `speed`")
-    rate_mps2: float | None = Field(None, gt=0, le=12, description="of `speed`, up or down; none: 3")
-    drift_mps: float | None = Field(None, ge=-1.5, le=1.5, description="of `veer`, left positive")
-    ramp_s: float | None = Field(None, gt=0, le=10, description="in which the drift grows; none: 1.5")
-    for_s: float | None = Field(None, gt=0, le=600, description="of `veer`, with its ramp")
-    side: Literal["left", "right"] | None = Field(None, description="of `change_lane`")
-    signal: bool | None = Field(None, description="with the turn signal; none: yes")
+    at_s: float = Field(ge=0, description="time of the command")
+    do: Literal["speed", "free", "veer", "change_lane"] = Field(
+        description="speed: change to speed_mps at rate_mps2 and hold it; free: drive like other vehicles "
+        "from now on; veer: drift off at drift_mps for for_s, then steer back; change_lane: "
+        "change to `side` at once"
+    )
+    speed_mps: float | None = Field(None, ge=0, le=60, description="for `speed`: the speed to reach")
+    rate_mps2: float | None = Field(
+        None, gt=0, le=12, description="for `speed`: acceleration or deceleration; none: 3"
+    )
+    drift_mps: float | None = Field(
+        None, ge=-1.5, le=1.5, description="for `veer`: lateral speed of the drift, left positive"
+    )
+    ramp_s: float | None = Field(
+        None, gt=0, le=10, description="for `veer`: time in which the drift grows; none: 1.5"
+    )
+    for_s: float | None = Field(None, gt=0, le=600, description="for `veer`: duration, ramp included")
+    side: Literal["left", "right"] | None = Field(None, description="for `change_lane`: the side")
+    signal: bool | None = Field(None, description="for `change_lane`: use the turn signal; none: yes")
     over_s: float | None = Field(
-        None, ge=2, le=20, description="duration of an equipped vehicle's change; none: its driver's"
+        None,
+        ge=2,
+        le=20,
+        description="for `change_lane`: duration of an equipped vehicle's change; none: its driver's",
     )
 
     @pydantic.model_validator(mode="after")

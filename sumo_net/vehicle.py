@@ -24,12 +24,20 @@ class Vehicle:
 
     front_axle_m: float = Field(0.90, gt=0, description="l_f, centre of gravity to front axle")
     rear_axle_m: float = Field(1.06, gt=0, description="l_r, centre of gravity to rear axle")
-    mass_kg: float = Field(1215.0, gt=0, description="960 empty, 1,215 half load, 1,460 full")
-    front_stiffness_npr: float = Field(60_000.0, gt=0, description="k_f, N/rad per axle")
-    rear_stiffness_npr: float = Field(60_000.0, gt=0, description="k_r, N/rad per axle")
-    yaw_inertia_kgm2: float = Field(2_100.0, gt=0, description="I_z")
-    front_overhang_m: float = Field(0.70, ge=0, description="front axle to front bumper")
-    wheel_span_m: float = Field(1.50, gt=0, description="between the outer edges of the front wheels")
+    mass_kg: float = Field(1215.0, gt=0, description="mass: 960 empty, 1,215 half load, 1,460 full load")
+    front_stiffness_npr: float = Field(
+        60_000.0, gt=0, description="k_f, cornering stiffness of the front axle, N/rad"
+    )
+    rear_stiffness_npr: float = Field(
+        60_000.0, gt=0, description="k_r, cornering stiffness of the rear axle, N/rad"
+    )
+    yaw_inertia_kgm2: float = Field(
+        2_100.0, gt=0, description="I_z, moment of inertia about the vertical axis"
+    )
+    front_overhang_m: float = Field(0.70, ge=0, description="from the front axle to the front bumper")
+    wheel_span_m: float = Field(
+        1.50, gt=0, description="distance between the outer edges of the front wheels"
+    )
 
     @property
     def wheelbase_m(self) -> float:
