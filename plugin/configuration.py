@@ -42,7 +42,7 @@ class Configuration(Scenario):
     """A scenario with its drivers, cameras and assistance. TOML files hold the same keys."""
 
     mode: Literal["paper", "refined"] = Field(
-        "refined", description="the published chain as it is, or the default one that starts from it"
+        "refined", description="paper: the published chain; refined: the default chain, which starts from it"
     )
     driver: Driver = Field(default_factory=Driver, description="how equipped vehicles are steered")
     vehicle: Vehicle = Field(default_factory=Vehicle, description="single-track model of equipped vehicles")

@@ -30,21 +30,31 @@ _REMEMBERED_CHAINS = 5_000
 
 @settings
 class ConflictSettings:
-    """What counts as a conflict, and when a warning belongs to it."""
+    """What counts as a rear-end conflict, and which warnings belong to it."""
 
-    ttc_s: float = Field(3.0, gt=0, description="a conflict lasts while the true TTC is under this")
-    critical_ttc_s: float = Field(2.0, gt=0, description="a warning must be on before it falls under this")
-    merge_s: float = Field(1.0, ge=0, description="shorter pauses do not end a conflict")
-    early_s: float = Field(4.0, gt=0, description="a conflict at most so long after a warning's start, or …")
-    after_end_s: float = Field(1.0, ge=0, description="… so long after its end, makes it a true one")
-    late_s: float = Field(0.5, ge=0, description="a warning may begin so long after the conflict has ended")
-    approach_mps: float = Field(0.5, ge=0, description="a true closing speed that makes a warning a nuisance")
-    approach_window_s: float = Field(
-        0.5, ge=0, description="such a closing speed counts also so long before the warning"
+    ttc_s: float = Field(
+        3.0, gt=0, description="a conflict lasts while the true time to collision is under this"
     )
-    close_s: float = Field(1.0, ge=0, description="so does a true time gap under this; otherwise it is false")
-    reach_m: float = Field(200.0, gt=0, description="leaders are looked for so far ahead")
-    overlap_m: float = Field(0.3, ge=0, description="bodies that reach so far into the lane are in path")
+    critical_ttc_s: float = Field(
+        2.0, gt=0, description="a warning must be on before the true time to collision falls under this"
+    )
+    merge_s: float = Field(1.0, ge=0, description="shorter pauses do not end a conflict")
+    early_s: float = Field(
+        4.0, gt=0, description="a warning is true if a conflict follows its start within this time, or …"
+    )
+    after_end_s: float = Field(1.0, ge=0, description="… its end within this time")
+    late_s: float = Field(0.5, ge=0, description="a warning may begin this long after the conflict has ended")
+    approach_mps: float = Field(
+        0.5, ge=0, description="true closing speed that makes a warning without a conflict a nuisance"
+    )
+    approach_window_s: float = Field(
+        0.5, ge=0, description="such a closing speed counts also this long before the warning"
+    )
+    close_s: float = Field(
+        1.0, ge=0, description="a true time gap under this makes it a nuisance, too; otherwise it is false"
+    )
+    reach_m: float = Field(200.0, gt=0, description="distance up to which leaders are considered")
+    overlap_m: float = Field(0.3, ge=0, description="bodies that reach this far into the lane are in path")
 
 
 class Leaders(NamedTuple):

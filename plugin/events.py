@@ -17,24 +17,28 @@ SIGNALLED = CAUSES.index("lane_change_signalled")
 
 @settings
 class Matching:
-    """When a warning and a crossing belong together, and which crossings it is due for."""
+    """When a warning and a crossing belong together, and for which crossings a warning is due."""
 
-    early_s: float = Field(3.0, gt=0, description="a crossing at most so long after the warning began, or …")
-    after_end_s: float = Field(0.5, ge=0, description="… so long after it ended, makes it true")
-    late_s: float = Field(1.0, ge=0, description="a warning may begin so long after the crossing")
-    drift_mps: float = Field(0.05, gt=0, description="a true lateral speed that counts as a drift")
-    drift_window_s: float = Field(0.5, gt=0, description="looked for so long before and after the start")
-    rearm_margin_m: float = Field(
-        0.1, ge=0, description="a border counts again once the wheel was so far inside"
+    early_s: float = Field(
+        3.0, gt=0, description="a warning is true if a crossing follows its start within this time, or …"
     )
-    rearm_s: float = Field(2.0, ge=0, description="… or after so long")
+    after_end_s: float = Field(0.5, ge=0, description="… its end within this time")
+    late_s: float = Field(1.0, ge=0, description="a warning may begin this long after the crossing")
+    drift_mps: float = Field(0.05, gt=0, description="true lateral speed that counts as a drift")
+    drift_window_s: float = Field(
+        0.5, gt=0, description="a drift is looked for this long before and after the warning's start"
+    )
+    rearm_margin_m: float = Field(
+        0.1, ge=0, description="a border counts again once the wheel was this far inside …"
+    )
+    rearm_s: float = Field(2.0, ge=0, description="… or after this time")
     signalled_s: float = Field(
         1.5,
         ge=0,
-        description="a crossing to a side whose turn signal was on so long before is a signalled change, "
-        "also one that was then broken off",
+        description="a crossing is a signalled change if the turn signal to its side was on within this time "
+        "before, also if the change was then aborted",
     )
-    due_from_mps: float = Field(11.1, ge=0, description="a warning is due for crossings from this speed")
+    due_from_mps: float = Field(11.1, ge=0, description="a warning is due for crossings from this speed on")
 
 
 @dataclass(slots=True)

@@ -18,10 +18,15 @@ _REMEMBERED = 10_000  # drivers
 class Reaction:
     """Who reacts. The time that it takes is the driver's own: `driver.reaction_mean_s`, `rear_end_s`."""
 
-    on: bool = Field(False, description="drivers react; without, warnings change nothing in the traffic")
-    compliance: float = Field(0.9, ge=0, le=1, description="share of drivers that react to warnings at all")
+    on: bool = Field(
+        False, description="drivers react to warnings; false: warnings change nothing in the traffic"
+    )
+    compliance: float = Field(0.9, ge=0, le=1, description="share of drivers that react at all")
     rear_end_s: float = Field(
-        0.8, gt=0, le=5, description="after a rear-end warning, who looked away looks ahead again"
+        0.8,
+        gt=0,
+        le=5,
+        description="time after a rear-end warning at which a driver who looked away looks ahead again",
     )
 
 

@@ -26,14 +26,19 @@ from sumo_net.settings import settings
 
 @settings
 class Recording:
-    """What is written beside the events: rows of the largest table, camera frames."""
+    """What is recorded besides events: rows of the largest table, camera frames."""
 
     tracks: bool = Field(True, description="write the table `tracks`")
     roadside_every: int = Field(
-        10, ge=1, description="tracks of roadside objects and clutter only every so many scans of the run"
+        10,
+        ge=1,
+        description="tracks of roadside objects and clutter are written only in one of this many scans",
     )
     frames: int = Field(
-        0, ge=0, le=1000, description="vehicles, the first on the road, whose camera frames are kept"
+        0,
+        ge=0,
+        le=1000,
+        description="number of vehicles, the first on the road, whose camera frames are kept",
     )
 
 

@@ -32,7 +32,7 @@ MOST_BITS = 62
 
 @settings
 class Region:
-    """Where a border's parameters are searched in the first frame."""
+    """Search region of a border's parameters in the first frame."""
 
     a: Interval = Field(description="lowest and highest a, 1/px")
     b: Interval = Field(description="lowest and highest b")
@@ -49,7 +49,7 @@ class Region:
 
 @settings
 class Reach:
-    """How far from the last result a border's parameters are searched."""
+    """Search region of a border's parameters: distance to either side of the last result."""
 
     a: float = Field(gt=0, le=0.1, description="1/px")
     b: float = Field(gt=0, le=10)
@@ -58,20 +58,26 @@ class Reach:
 
 @settings
 class Restart:
-    """When the search starts anew; not in the source.
+    """When the search restarts; not in the source.
 
     A border fails in a frame if its objective is below `least_score`, or if the borders are not
     `least_width_px` to `greatest_width_px` apart at the bottom of the image or cross above it.
     """
 
     enabled: bool = True
-    patience: int = Field(8, ge=1, description="failing frames in a row until the first stage")
-    least_score: float = Field(5.0, description="objective F in grey levels")
-    least_width_px: float = Field(200.0, gt=0, description="1.7 m for the default camera")
-    greatest_width_px: float = Field(650.0, gt=0, description="5.6 m for the default camera")
-    center_px: float = Field(160.0, description="column under which the vehicle drives")
+    patience: int = Field(8, ge=1, description="failed frames in a row before the first stage is run again")
+    least_score: float = Field(5.0, description="least objective F, grey levels")
+    least_width_px: float = Field(
+        200.0, gt=0, description="least width at the bottom row; 1.7 m for the default camera"
+    )
+    greatest_width_px: float = Field(
+        650.0, gt=0, description="greatest width at the bottom row; 5.6 m for the default camera"
+    )
+    center_px: float = Field(160.0, description="image column of the vehicle's path at the bottom row")
     crossed_by_px: float = Field(
-        30.0, ge=0, description="a border this far on its wrong side of center_px is crossed: a lane change"
+        30.0,
+        ge=0,
+        description="a border this far on the wrong side of center_px counts as crossed: a lane change",
     )
 
     @model_validator(mode="after")
@@ -91,8 +97,12 @@ class GeneticSearch:
     population: int = Field(50, ge=4, le=1000)
     crossover_rate: float = Field(0.45, ge=0, le=1)
     mutation_rate: float = Field(0.05, ge=0, le=1)
-    generations: tuple[int, int, int] = Field((180, 120, 25), description="per stage, table 4")
-    transition_frames: int = Field(5, ge=0, description="frames 2 to 6 use the second stage")
+    generations: tuple[int, int, int] = Field(
+        (180, 120, 25), description="number of generations of each stage, table 4"
+    )
+    transition_frames: int = Field(
+        5, ge=0, description="number of frames after the first that use the second stage: frames 2 to 6"
+    )
     first_left: Region = Region(a=(-0.005, 0.005), b=(0.3, 2.3), c=(-100.0, 150.0))
     first_right: Region = Region(a=(-0.005, 0.005), b=(-2.3, -0.3), c=(200.0, 450.0))
     transition: Reach = Reach(a=0.003, b=0.6, c=60.0)

@@ -21,19 +21,23 @@ Array = np.ndarray[Any, Any]
 
 @settings
 class Plausibility:
-    """How borders of the published search become a lane, and when they are believed."""
+    """How borders of the published search become a lane, and when they are accepted."""
 
-    farthest_m: float = Field(60.0, gt=5, description="border points beyond are left out of the fit")
-    least_score: float = Field(5.0, gt=0, description="objective F, grey levels, from which a border counts")
-    full_score: float = Field(40.0, gt=0, description="F of a border that scores 1")
+    farthest_m: float = Field(60.0, gt=5, description="border points further ahead are not used in the fit")
+    least_score: float = Field(
+        5.0, gt=0, description="objective F, in grey levels, from which a border counts"
+    )
+    full_score: float = Field(40.0, gt=0, description="objective F at which a border scores 1")
     least_width_m: float = Field(2.3, gt=0)
     greatest_width_m: float = Field(5.0, gt=0)
-    greatest_heading: float = Field(0.35, gt=0, description="lane's slope against the vehicle's axis")
+    greatest_heading: float = Field(
+        0.35, gt=0, description="greatest slope of the lane against the vehicle's axis"
+    )
     greatest_curvature_1pm: float = Field(0.02, gt=0)
     inset_m: float = Field(
         0.075,
         ge=0,
-        description="from the border to the marking's inner edge, where the objective is greatest: "
+        description="distance from the border to the marking's inner edge, where the objective is greatest: "
         "half a marking's width",
     )
 

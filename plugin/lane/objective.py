@@ -35,23 +35,30 @@ PARTS_4 = ((1, 0, -1), (1, 0, -1), (1, 0, -1))  # left minus right
 
 @settings
 class Objective:
-    """What the source leaves open about its objective function."""
+    """Parameters of the objective function that the source does not state."""
 
     blocks: int = Field(
         BLOCKS,
         ge=10,
         le=BLOCKS,
-        description="along a border; fewer than the published 50 for a camera whose horizon is below y = 150",
+        description="number of blocks along a border; fewer than the published 50 for a camera whose horizon "
+        "is below y = 150",
     )
     minimum_blocks: int = Field(
         20, ge=1, le=BLOCKS, description="m: with n < m blocks in the image, F = min(Σ/n, Σ/m)"
     )
     road_left_px: int = Field(
-        120, ge=0, lt=WIDTH_PX, description="the mean grey of the road is taken from this column on"
+        120,
+        ge=0,
+        lt=WIDTH_PX,
+        description="first column of the region from which the road's mean grey is taken",
     )
-    road_right_px: int = Field(200, gt=0, le=WIDTH_PX, description="up to, not including, this column")
+    road_right_px: int = Field(200, gt=0, le=WIDTH_PX, description="first column beyond that region")
     road_rows: int = Field(
-        60, ge=1, le=BLOCKS * BLOCK_PX, description="in this many rows from the bottom (every third is read)"
+        60,
+        ge=1,
+        le=BLOCKS * BLOCK_PX,
+        description="number of rows of that region, from the bottom (every third is read)",
     )
 
     @model_validator(mode="after")

@@ -40,29 +40,45 @@ class Refine:
     """Settings of the default lane tracker."""
 
     step_s: float = Field(0.1, gt=0, le=1, description="time between frames")
-    marking_width_m: float = Field(0.15, gt=0, le=0.5, description="paint that the ridge filter expects")
-    lane_width_m: float = Field(3.6, gt=0, description="prior of the lane width")
+    marking_width_m: float = Field(
+        0.15, gt=0, le=0.5, description="width of paint that the ridge filter expects"
+    )
+    lane_width_m: float = Field(3.6, gt=0, description="prior of the lane width, mean")
     lane_width_std_m: float = Field(0.4, gt=0)
     min_width_m: float = Field(
-        1.7, gt=0, description="a narrower lane is none; odd widths need more evidence"
+        1.7, gt=0, description="narrower strips are no lanes; unusual widths need more evidence"
     )
-    max_width_m: float = Field(9.0, gt=0, le=WIDEST_M, description="nor is a wider one")
-    range_m: float = Field(REACH_M, gt=20, le=REACH_M, description="how far the borders are followed")
-    contrast: float = Field(6.0, gt=0, description="least response of a ridge, grey levels")
-    noise_factor: float = Field(2.5, ge=0, description="least response over its standard deviation by noise")
+    max_width_m: float = Field(9.0, gt=0, le=WIDEST_M, description="wider strips are no lanes")
+    range_m: float = Field(
+        REACH_M, gt=20, le=REACH_M, description="distance up to which the borders are tracked"
+    )
+    contrast: float = Field(6.0, gt=0, description="least response of a ridge, in grey levels")
+    noise_factor: float = Field(
+        2.5, ge=0, description="least response of a ridge, in standard deviations of its noise"
+    )
     rear_axle_m: float = Field(1.06, ge=0, description="l_r, from the centre of gravity to the rear axle")
     rear_slip_s2pm: float = Field(
-        0.0093, ge=0, description="m l_f / (L k_r): the rear axle's slip angle over lateral acceleration"
+        0.0093, ge=0, description="m l_f / (L k_r): slip angle of the rear axle per lateral acceleration"
     )
-    pitch_std_rad: float = Field(0.002, ge=0, description="of the vehicle's pitch against the calibration")
-    pitch_time_s: float = Field(0.3, gt=0, description="correlation time of that")
-    bend_std_1pm: float = Field(6e-4, gt=0, description="change of curvature over 15 m of unseen road")
+    pitch_std_rad: float = Field(
+        0.002, ge=0, description="standard deviation of the vehicle's pitch from the calibration"
+    )
+    pitch_time_s: float = Field(0.3, gt=0, description="correlation time of the pitch")
+    bend_std_1pm: float = Field(
+        6e-4, gt=0, description="standard deviation of the change of curvature over 15 m of unseen road"
+    )
     bend_std_mps2: float = Field(
-        0.4, ge=0, description="of a bend that is seen, as a lateral acceleration at the own speed, if more"
+        0.4,
+        ge=0,
+        description="the same where a bend is seen, if more: a lateral acceleration at the own speed",
     )
-    confirm_frames: int = Field(2, ge=0, description="frames that must follow a weak start")
-    patience_frames: int = Field(15, ge=0, description="frames in a row without the lane until it is lost")
-    one_sided_frames: int = Field(80, ge=0, description="frames with one border only until the lane is lost")
+    confirm_frames: int = Field(2, ge=0, description="frames that must confirm a weak start")
+    patience_frames: int = Field(
+        15, ge=0, description="frames in a row without the lane before it counts as lost"
+    )
+    one_sided_frames: int = Field(
+        80, ge=0, description="frames in a row with one border only before the lane counts as lost"
+    )
 
     @model_validator(mode="after")
     def _widths(self) -> Self:

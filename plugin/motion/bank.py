@@ -24,7 +24,7 @@ _STANDSTILL_MPS = 0.1  # the model divides by the speed; its exact discretisatio
 class BankSettings:
     """Z11's observers. The noises are R_1 and R_2 of section 3.2, variances a step of 0.1 s."""
 
-    spacing_kmh: float = Field(10.0, gt=0, le=50, description="between two observers")
+    spacing_kmh: float = Field(10.0, gt=0, le=50, description="difference of speed between two observers")
     highest_kmh: float = Field(250.0, ge=60, le=400, description="speed of the last observer")
     lateral_speed_noise: float = Field(0.0, ge=0, description="R_1 of v_y, m²/s²; Z11: not driven")
     yaw_rate_noise: float = Field(0.0, ge=0, description="R_1 of γ, rad²/s²; Z11: not driven")
@@ -32,8 +32,10 @@ class BankSettings:
     preview_heading_noise: float = Field(0.01, gt=0, description="R_1 of e_L, rad²")
     measured_offset_noise: float = Field(0.01, gt=0, description="R_2 of y_L, m²")
     measured_heading_noise: float = Field(0.01, gt=0, description="R_2 of e_L, rad²")
-    kinematic_below_mps: float = Field(2.0, ge=0, description="steer from the road's curvature alone")
-    dynamic_above_mps: float = Field(5.0, gt=0, description="steer of eqs. 10 and 13")
+    kinematic_below_mps: float = Field(
+        2.0, ge=0, description="below this speed the steering angle is taken from the road's curvature alone"
+    )
+    dynamic_above_mps: float = Field(5.0, gt=0, description="above this speed it is that of eqs. 10 and 13")
 
 
 def steady_gain(transition: Array, drive: Array, measured: Array) -> Array:

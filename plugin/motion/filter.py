@@ -60,62 +60,109 @@ _UNKNOWN_V_Y, _UNKNOWN_YAW = 0.2, 0.05  # standard deviations at first sight, m/
 
 @settings
 class FilterSettings:
-    """What the filter takes the camera, the road and the driver to be like. Standard deviations."""
+    """Assumptions of the filter on camera, road and driver, as standard deviations."""
 
-    offset_m: float = Field(0.002, gt=0, description="camera: what is new in a look, offset at pivot_m")
-    heading_rad: float = Field(1e-4, gt=0, description="camera: what is new in a look, heading")
-    curvature_1pm: float = Field(3e-5, gt=0, description="camera: mean curvature up to the preview point")
-    curvature_rate_1pm2: float = Field(3e-6, gt=0, description="camera: change of curvature, a look")
-    one_border_factor: float = Field(1.5, ge=1, description="on all four while one border only is seen")
-    heading_bias_rad: float = Field(4e-4, gt=0, description="camera: error of the heading that lasts")
-    heading_bias_time_s: float = Field(2.0, gt=0, description="camera: its correlation time")
-    pivot_m: float = Field(11.5, ge=0, description="camera: heading errors leave the lane so far ahead alone")
+    offset_m: float = Field(
+        0.002,
+        gt=0,
+        description="camera: noise of the offset at pivot_m that is independent from frame to frame",
+    )
+    heading_rad: float = Field(
+        1e-4, gt=0, description="camera: noise of the heading that is independent from frame to frame"
+    )
+    curvature_1pm: float = Field(
+        3e-5, gt=0, description="camera: noise of the mean curvature up to the preview point"
+    )
+    curvature_rate_1pm2: float = Field(3e-6, gt=0, description="camera: noise of the change of curvature")
+    one_border_factor: float = Field(
+        1.5, ge=1, description="camera: factor on these four while only one border is seen"
+    )
+    heading_bias_rad: float = Field(4e-4, gt=0, description="camera: correlated error of the heading")
+    heading_bias_time_s: float = Field(2.0, gt=0, description="camera: correlation time of that error")
+    pivot_m: float = Field(
+        11.5,
+        ge=0,
+        description="camera: distance ahead at which an error of the heading does not move the lane",
+    )
     heading_per_slip: float = Field(
         0.0,
         ge=0,
-        description="camera: rad by which the heading errs per m/s of v_y, for a tracker without slip",
+        description="camera: error of the heading in rad per m/s of v_y, for a tracker that ignores slip",
     )
 
-    road_curvature_rate_1pm2: float = Field(3e-5, gt=0, description="road: how fast curvature changes")
+    road_curvature_rate_1pm2: float = Field(
+        3e-5, gt=0, description="road: standard deviation of the change of curvature"
+    )
     road_length_m: float = Field(30.0, gt=0, description="road: correlation length of that change")
 
-    residual_mps2: float = Field(0.3, gt=0, description="driver: lateral acceleration beyond the road's")
-    residual_time_s: float = Field(1.5, gt=0, description="driver: its correlation time")
-    liveliness: float = Field(
-        1.0, ge=0, description="driver: grows by this share of what is steered for, 1/√s"
+    residual_mps2: float = Field(
+        0.3, gt=0, description="driver: lateral acceleration beyond what the road needs"
     )
-    steer_lag_s: float = Field(0.15, gt=0, description="driver: how smoothly it is followed")
-    unrest_rad: float = Field(3.3e-4, gt=0, description="driver: quick unrest of the steer")
-    unrest_time_s: float = Field(0.16, gt=0, description="driver: most of it is at 1 / (2π · that) Hz")
-    preview_s: float = Field(0.4, ge=0, le=3, description="driver: curvature is met from so far ahead")
-    slow_mps: float = Field(8.0, gt=0, description="driver: below, the residual goes by distance")
+    residual_time_s: float = Field(1.5, gt=0, description="driver: correlation time of that residual")
+    liveliness: float = Field(
+        1.0,
+        ge=0,
+        description="driver: the residual grows by this share of the lateral acceleration that is steered "
+        "for, 1/√s",
+    )
+    steer_lag_s: float = Field(
+        0.15, gt=0, description="driver: time constant with which the steering follows"
+    )
+    unrest_rad: float = Field(3.3e-4, gt=0, description="driver: fast steering noise")
+    unrest_time_s: float = Field(
+        0.16, gt=0, description="driver: time constant of that noise, which peaks at 1 / (2π · this) Hz"
+    )
+    preview_s: float = Field(
+        0.4, ge=0, le=3, description="driver: time ahead from which curvature is steered for"
+    )
+    slow_mps: float = Field(8.0, gt=0, description="driver: below this speed, the residual goes by distance")
 
     lateral_speed_noise: float = Field(0.003, ge=0, description="model: v_y, m/s per √s")
-    slip_error: float = Field(0.03, ge=0, description="model: v̇_y errs by this share of v γ (load), √s")
+    slip_error: float = Field(0.03, ge=0, description="model: error of v̇_y as a share of v γ (load), √s")
     yaw_rate_noise: float = Field(5e-4, ge=0, description="model: γ, rad/s per √s")
     heading_noise: float = Field(1e-5, ge=0, description="model: ψ, rad per √s")
 
     yaw_rate_reading_rps: float = Field(1.1e-3, gt=0, description="gyroscope: noise of a reading")
-    yaw_rate_offset_rps: float = Field(2e-3, gt=0, description="gyroscope: its offset at first sight")
-    yaw_rate_walk: float = Field(2e-5, ge=0, description="gyroscope: its offset wanders, rad/s per √s")
-    steer_reading_rad: float = Field(5e-5, gt=0, description="steering: noise of a reading, front wheels")
-    steer_scale: float = Field(0.01, ge=0, description="steering: share of the angle that it errs by besides")
-    steer_offset_rad: float = Field(1.1e-3, gt=0, description="steering: its offset at first sight")
-    steer_walk: float = Field(1.1e-5, ge=0, description="steering: its offset wanders, rad per √s")
+    yaw_rate_offset_rps: float = Field(
+        2e-3, gt=0, description="gyroscope: standard deviation of the offset at the start"
+    )
+    yaw_rate_walk: float = Field(2e-5, ge=0, description="gyroscope: random walk of the offset, rad/s per √s")
+    steer_reading_rad: float = Field(
+        5e-5, gt=0, description="steering: noise of a reading, at the front wheels"
+    )
+    steer_scale: float = Field(0.01, ge=0, description="steering: further noise, as a share of the angle")
+    steer_offset_rad: float = Field(
+        1.1e-3, gt=0, description="steering: standard deviation of the offset at the start"
+    )
+    steer_walk: float = Field(1.1e-5, ge=0, description="steering: random walk of the offset, rad per √s")
     sensed_look_factor: float = Field(
         2.0,
         gt=0,
-        description="on offset_m and heading_rad while both sensors read: the errors of looks are alike for "
-        "long, which matters once the motion is known without them",
+        description="factor on offset_m and heading_rad while gyroscope and steering sensor read: the "
+        "camera's errors are correlated in time, which matters once the motion is known without "
+        "the camera",
     )
-    sensed_slip_error: float = Field(0.02, ge=0, description="slip_error while both sensors read")
+    sensed_slip_error: float = Field(
+        0.02, ge=0, description="slip_error while gyroscope and steering sensor read"
+    )
 
-    clip_sd: float = Field(6.0, gt=1, description="an innovation counts up to so many sd, twice that …")
-    doubt_sd: float = Field(16.0, gt=1, description="a look so far off contradicts the estimate: no warning")
-    misfit_m: float = Field(0.3, gt=0, description="or its offset so far off, makes a misfit")
-    misfit_looks: int = Field(3, ge=1, description="so many in a row start the filter anew")
-    settle_s: float = Field(0.3, ge=0, description="nothing is said for so long after a start")
-    width_share: float = Field(0.05, gt=0, le=1, description="of a new lane width in the filtered one")
+    clip_sd: float = Field(
+        6.0,
+        gt=1,
+        description="an innovation of more sd than this counts less; of more than twice as many, it is gross",
+    )
+    doubt_sd: float = Field(
+        16.0,
+        gt=1,
+        description="a camera measurement this many standard deviations off contradicts the estimate, and no "
+        "warning begins",
+    )
+    misfit_m: float = Field(
+        0.3, gt=0, description="a camera measurement whose offset is this far off is a misfit, too"
+    )
+    misfit_looks: int = Field(3, ge=1, description="misfits in a row that restart the filter")
+    settle_s: float = Field(0.3, ge=0, description="no warning begins for this time after a start")
+    width_share: float = Field(0.05, gt=0, le=1, description="weight of a new lane width in the filtered one")
 
 
 def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: float) -> tuple[Array, Array]:

@@ -26,10 +26,17 @@ State = BankState | FilterState
 
 @settings
 class ObserverSettings:
-    """How the vehicle's motion is observed."""
+    """Estimation of the vehicle's motion."""
 
-    mode: Literal["paper", "refined"] = Field("refined", description="Z11's observer bank, or the filter")
-    coast_s: float = Field(1.0, ge=0, le=5, description="carry on so long without a lane, then unknown")
+    mode: Literal["paper", "refined"] = Field(
+        "refined", description="paper: the observer bank of Zhang et al.; refined: the default filter"
+    )
+    coast_s: float = Field(
+        1.0,
+        ge=0,
+        le=5,
+        description="time for which the estimate is continued without a lane; then it is unknown",
+    )
     bank: BankSettings = Field(BankSettings(), description="of mode paper")
     filter: FilterSettings = Field(FilterSettings(), description="of mode refined")
 

@@ -21,28 +21,42 @@ from sumo_net.vehicle import Vehicle, model
 
 @settings
 class PredictionSettings:
-    """How far to predict, and what the driver is taken to do meanwhile."""
+    """How far to predict, and the assumptions on the driver meanwhile."""
 
-    mode: Literal["paper", "refined"] = Field("refined", description="steer held, or the road followed")
-    horizon_s: float = Field(3.0, gt=0, le=10, description="how far ahead")
-    step_s: float = Field(0.1, gt=0, le=0.5, description="between two points of the path")
-    residual_time_s: float = Field(3.0, gt=0, description="the steer beyond the road's fades so; huge: held")
-    steer_lag_s: float = Field(0.15, gt=0, description="lag of arm and wheel")
-    unrest_rad: float = Field(3.3e-4, ge=0, description="quick unrest of the steer, which does not last")
-    unrest_time_s: float = Field(0.16, gt=0, description="most of it is at 1 / (2π · that) Hz")
-    calm_mps2: float = Field(0.12, gt=0, description="what a steady driver corrects by")
-    unrest_doubt: float = Field(0.5, ge=0, description="the more is steered, the less of it is unrest")
-    preview_s: float = Field(0.4, ge=0, le=3, description="the driver meets curvature from so far ahead")
-    slow_mps: float = Field(8.0, gt=0, description="below, the residual goes by distance")
-    return_gain: float = Field(1.0, ge=0, le=1, description="share of full lane keeping, 0 none")
+    mode: Literal["paper", "refined"] = Field(
+        "refined", description="paper: the steering angle is held; refined: the road is followed"
+    )
+    horizon_s: float = Field(3.0, gt=0, le=10, description="time that is predicted")
+    step_s: float = Field(0.1, gt=0, le=0.5, description="time between two points of the path")
+    residual_time_s: float = Field(
+        3.0,
+        gt=0,
+        description="time constant with which steering beyond the road's fades; a huge value: it is held",
+    )
+    steer_lag_s: float = Field(0.15, gt=0, description="time constant of arm and wheel")
+    unrest_rad: float = Field(3.3e-4, ge=0, description="fast steering noise, which does not last")
+    unrest_time_s: float = Field(
+        0.16, gt=0, description="time constant of that noise, which peaks at 1 / (2π · this) Hz"
+    )
+    calm_mps2: float = Field(0.12, gt=0, description="lateral acceleration by which a steady driver corrects")
+    unrest_doubt: float = Field(
+        0.5, ge=0, description="the more is steered, the less of it is taken for noise"
+    )
+    preview_s: float = Field(
+        0.4, ge=0, le=3, description="time ahead from which the driver steers for curvature"
+    )
+    slow_mps: float = Field(8.0, gt=0, description="below this speed, the residual goes by distance")
+    return_gain: float = Field(1.0, ge=0, le=1, description="share of full lane keeping; 0: none")
     return_bandwidth_rps: float = Field(0.7, gt=0, le=2, description="natural frequency of lane keeping")
     return_damping: float = Field(0.8, gt=0, le=2, description="damping ratio of lane keeping")
-    curvature_reach_m: float = Field(80.0, ge=0, description="how far the change of curvature is believed")
+    curvature_reach_m: float = Field(
+        80.0, ge=0, description="distance up to which the change of curvature is used"
+    )
     road_jerk_mps3: float = Field(
         1.2,
         gt=0,
-        description="refined: up to which change of curvature at the own speed; from twice that it does "
-        "not count (roads are built for 0.3 to 0.9)",
+        description="refined: change of curvature, as a jerk at the own speed, up to which it is used in "
+        "full; from twice that it is ignored (roads are built for 0.3 to 0.9)",
     )
 
     @property

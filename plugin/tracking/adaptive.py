@@ -25,10 +25,8 @@ class Adaptation:
     """How fast the noise estimates forget."""
 
     forgetting: float = Field(0.97, gt=0.5, lt=1, description="b of d_k = (1 − b)/(1 − b^{k+1})")
-    prior_steps: float = Field(
-        3.0, ge=0, description="safe form: what the R given at the start is worth, in measurements"
-    )
-    adapt_process: bool = Field(True, description="patent: also q, Q and r, not R alone")
+    prior_steps: float = Field(3.0, ge=0, description="safe form: weight of the initial R, in measurements")
+    adapt_process: bool = Field(True, description="patent: adapt q, Q and r as well as R")
 
 
 class AdaptiveState(NamedTuple):

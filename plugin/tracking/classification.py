@@ -41,19 +41,25 @@ class ClassSettings:
     """Thresholds and cycles; the patent leaves k₁, k₂ and V_min to trials in the car, these are ours."""
 
     minimum_speed_mps: float = Field(
-        1.5, gt=0, description="V_min; above the error of the speed over ground of a track three cycles old"
+        1.5, gt=0, description="V_min; above the speed error of a track that is three cycles old"
     )
     k1: float = Field(
-        0.02, ge=0, description="of the ego's speed: the radial speed's error grows with it (azimuth error)"
+        0.02,
+        ge=0,
+        description="k₁, factor of the ego speed: the radial speed's error grows with it (azimuth error)",
     )
     k2_s: float = Field(
-        0.1, ge=0, description="of the ego's acceleration: one cycle's delay of the ego speed"
+        0.1, ge=0, description="k₂, factor of the ego acceleration: one cycle of delay of the ego speed"
     )
     oncoming_speed_mps: float = Field(-3.0, lt=0, description="V_x, as published")
-    near_zero_mps: float = Field(0.5, ge=0, description="what 'near 0' is for stopping")
-    settle_cycles: int = Field(3, ge=1, le=100, description="unclassified to a class, as published")
-    stop_cycles: int = Field(2, ge=1, le=100, description="moving to stopped, as published")
-    go_cycles: int = Field(3, ge=1, le=100, description="standing to moving, as published")
+    near_zero_mps: float = Field(
+        0.5, ge=0, description="speed below which an object counts as near 0 (stopping)"
+    )
+    settle_cycles: int = Field(
+        3, ge=1, le=100, description="cycles from unclassified to a class, as published"
+    )
+    stop_cycles: int = Field(2, ge=1, le=100, description="cycles from moving to stopped, as published")
+    go_cycles: int = Field(3, ge=1, le=100, description="cycles from standing to moving, as published")
 
 
 class ClassState(NamedTuple):

@@ -30,28 +30,35 @@ _STATES = 4
 
 @settings
 class Closing:
-    """How the vehicles in path are followed along the line of sight."""
+    """The filter for range and closing speed of vehicles in path."""
 
     enabled: bool = Field(
-        True, description="else the warning takes range and speed of the tracks as they are"
+        True, description="use this filter; false: the warning takes range and speed of the tracks"
     )
-    camera: bool = Field(True, description="with how wide the rear looks in the camera's frames")
+    camera: bool = Field(True, description="use the apparent width of the rear in the camera's frames")
     acceleration_mps2: tuple[float, ...] = Field(
-        (0.5, 8.0, 8.0), min_length=1, max_length=5, description="σ of each model's acceleration"
+        (0.5, 8.0, 8.0), min_length=1, max_length=5, description="σ of the acceleration of each model"
     )
     time_s: tuple[float, ...] = Field(
         (2.0, 200.0, 2.0),
         min_length=1,
         max_length=5,
-        description="for how long it is correlated: steady driving, a braking that goes on, its beginning",
+        description="correlation time of that acceleration: steady driving, sustained braking, beginning and "
+        "end of braking",
     )
-    stay: float = Field(0.95, gt=0, lt=1, description="probability that a model still holds 0.1 s later")
-    width_m: float = Field(2.0, gt=0, description="of a rear, before it has been seen")
-    width_std_m: float = Field(0.4, gt=0, description="standard deviation of that")
-    width_walk_m: float = Field(0.003, ge=0, description="how far it wanders in 1 s: sides come into view")
-    edge_px: float = Field(0.1, gt=0, description="σ of the width in the image")
-    edge_share: float = Field(0.0002, ge=0, description="and, in proportion to it")
-    gate: float = Field(9.0, gt=0, description="innovation squared over its variance; beyond it is dropped")
+    stay: float = Field(0.95, gt=0, lt=1, description="probability that a model still applies 0.1 s later")
+    width_m: float = Field(2.0, gt=0, description="width of a rear before it has been seen")
+    width_std_m: float = Field(0.4, gt=0, description="standard deviation of that width")
+    width_walk_m: float = Field(
+        0.003, ge=0, description="random walk of the width in 1 s, as sides come into view"
+    )
+    edge_px: float = Field(0.1, gt=0, description="σ of the apparent width in the image")
+    edge_share: float = Field(0.0002, ge=0, description="further noise in proportion to the apparent width")
+    gate: float = Field(
+        9.0,
+        gt=0,
+        description="gate, as innovation squared over its variance; measurements beyond it are dropped",
+    )
 
     @model_validator(mode="after")
     def _accelerations(self) -> Self:

@@ -59,7 +59,7 @@ class Filter(Protocol):
 
 @settings
 class FilterSettings:
-    """Everything the filters can be told."""
+    """Settings of the tracking filters."""
 
     noise: RadarNoise = Field(default_factory=RadarNoise)
     polar: PolarMotion = Field(default_factory=PolarMotion)
@@ -71,9 +71,9 @@ class FilterSettings:
         0.98,
         gt=0,
         lt=1,
-        description="Π's diagonal (inferred); the rest is shared equally by the other models",
+        description="diagonal of the transition matrix Π (inferred); the other models share the rest equally",
     )
-    mount_forward_m: float = Field(0.0, description="radar ahead of the centre of gravity")
+    mount_forward_m: float = Field(0.0, description="distance of the radar ahead of the centre of gravity")
 
 
 def make(name: str, options: FilterSettings) -> Filter:

@@ -28,9 +28,9 @@ GROUND_C = np.eye(STATES)[list(MEASURES)]  # eq. (6)
 class RadarNoise:
     """Standard deviations of one detection (IMM source, section 4; the scan prints other units)."""
 
-    range_m: float = Field(1.0, gt=0, description="σ₁")
-    range_rate_mps: float = Field(0.5, gt=0, description="σ₂")
-    azimuth_rad: float = Field(math.radians(0.2), gt=0, description="σ₃, 0.2°")
+    range_m: float = Field(1.0, gt=0, description="σ₁, of the range")
+    range_rate_mps: float = Field(0.5, gt=0, description="σ₂, of the range rate")
+    azimuth_rad: float = Field(math.radians(0.2), gt=0, description="σ₃, of the azimuth; 0.2°")
 
     @property
     def covariance(self) -> Array:
@@ -46,7 +46,7 @@ class PolarMotion:
         0.8, gt=0, description="σ_α, along the line of sight; the source's 0.3 is too little for hard braking"
     )
     angular_acceleration_rps2: float = Field(math.radians(0.3), gt=0, description="σ_β, 0.3 °/s²")
-    step_s: float = Field(0.1, gt=0, description="the step for which both are stated")
+    step_s: float = Field(0.1, gt=0, description="the time step for which both are stated")
 
 
 PUBLISHED_MOTION = PolarMotion(acceleration_mps2=0.3)
@@ -57,8 +57,8 @@ class GroundMotion:
     """Process noise of the model over ground (eq. 4): white jerk on each axis."""
 
     forward_jerk_mps3: float = Field(3.0, gt=0, description="σ of the jerk over one step, along x")
-    left_jerk_mps3: float = Field(1.5, gt=0, description="the same along y")
-    step_s: float = Field(0.1, gt=0, description="the step for which both are stated")
+    left_jerk_mps3: float = Field(1.5, gt=0, description="σ of the jerk over one step, along y")
+    step_s: float = Field(0.1, gt=0, description="the time step for which both are stated")
 
 
 class Models(NamedTuple):

@@ -27,10 +27,10 @@ _MEASURED = np.array(MEASURES)
 
 @settings
 class StartSpread:
-    """How little is known of a new object beyond its first detection."""
+    """Initial uncertainty of a new object beyond its first detection."""
 
     lateral_speed_mps: float = Field(2.0, gt=0, description="σ of the speed across the vehicle's axis")
-    acceleration_mps2: float = Field(2.0, gt=0, description="σ of the acceleration, each axis")
+    acceleration_mps2: float = Field(2.0, gt=0, description="σ of the acceleration along each axis")
 
 
 def first_velocity(

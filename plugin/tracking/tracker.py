@@ -25,23 +25,28 @@ _LONGEST_HISTORY = 60
 
 @settings
 class TrackerSettings:
-    """The tracker's rules."""
+    """Rules of the tracker."""
 
-    filter: FilterName = Field("imm", description="which one, of `plugin.tracking.filters`")
+    filter: FilterName = Field("imm", description="name of the filter, see `plugin.tracking.filters`")
     filters: FilterSettings = Field(default_factory=FilterSettings)
     classes: ClassSettings = Field(default_factory=ClassSettings)
     gate: float = Field(
-        25.0, gt=0, description="Mahalanobis distance squared; 16 keeps 99.9 % of 3 components, 25 turns too"
+        25.0,
+        gt=0,
+        description="gate, as a squared Mahalanobis distance; 16 keeps 99.9 % of 3 components, 25 also keeps "
+        "turns",
     )
     label_gate: float = Field(
-        400.0, gt=0, description="the same where the target is given: beyond it the target has jumped"
+        400.0, gt=0, description="gate where the association is given: beyond it the target has jumped"
     )
     confirm_hits: int = Field(3, ge=1, description="M of the M-of-N rule")
     confirm_scans: int = Field(5, ge=1, le=_LONGEST_HISTORY, description="N of the M-of-N rule")
-    coast_s: float = Field(0.8, gt=0, description="how long a confirmed track lives without a detection")
-    nearest_m: float = Field(0.3, gt=0, description="a track nearer than this has been passed")
-    furthest_m: float = Field(500.0, gt=0, description="a track further than this has run away")
-    fastest_mps: float = Field(150.0, gt=0, description="so has one faster than this over ground")
+    coast_s: float = Field(
+        0.8, gt=0, description="time for which a confirmed track is kept without a detection"
+    )
+    nearest_m: float = Field(0.3, gt=0, description="a track nearer than this has been passed and is deleted")
+    furthest_m: float = Field(500.0, gt=0, description="a track further away than this is deleted")
+    fastest_mps: float = Field(150.0, gt=0, description="a track faster than this over ground is deleted")
 
     @model_validator(mode="after")
     def _hits_fit_into_scans(self) -> Self:

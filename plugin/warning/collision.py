@@ -65,66 +65,84 @@ class Collision:
     """When the driver is warned of the vehicle ahead."""
 
     distance: SafeDistance = Field(default_factory=SafeDistance, description="model and road surface")
-    enter_m: float = Field(0.35, ge=0, description="an object is in path this far inside the lane's borders")
-    leave_m: float = Field(0.05, ge=0, description="and remains until this far outside")
-    half_lane_m: float = Field(1.6, gt=0, description="half the path's width while the lane is lost")
+    enter_m: float = Field(
+        0.35, ge=0, description="an object enters the path this far inside the lane's borders"
+    )
+    leave_m: float = Field(0.05, ge=0, description="and stays in path until this far outside of them")
+    half_lane_m: float = Field(1.6, gt=0, description="half width of the path while the lane is lost")
     stationary_half_m: float = Field(
-        1.0, gt=0, description="the same at any time for what was never seen moving"
+        1.0, gt=0, description="half width of the path at any time, for objects that were never seen moving"
     )
     stationary_reach_s: float = Field(
-        3.0, gt=0, description="and only within so many seconds at the own speed"
+        3.0, gt=0, description="such objects count only within this time at the own speed"
     )
-    stationary_furthest_m: float = Field(90.0, gt=0, description="and not further than this")
+    stationary_furthest_m: float = Field(90.0, gt=0, description="and only within this distance")
     curvature_doubt_1pm: float = Field(
-        1e-4, ge=0, le=1e-2, description="of the lane's: half this times x² narrows the path at x"
+        1e-4,
+        ge=0,
+        le=1e-2,
+        description="uncertainty of the lane's curvature: half of this times x² narrows the path at distance "
+        "x",
     )
     lost_reach_s: float = Field(
-        2.5, gt=0, description="while the lane is lost, nothing further than this at the own speed"
+        2.5, gt=0, description="while the lane is lost, only objects within this time at the own speed count"
     )
     entry_gap_m: float = Field(
-        2.0, ge=0, description="nothing gets into the path nearer than this: it is being passed"
+        2.0, ge=0, description="no object enters the path nearer than this: it is being passed"
     )
     near_half_m: float = Field(
-        0.5, ge=0, description="an object in path lies no further aside than this at the bumper …"
+        0.5, ge=0, description="an object in path is at most this far aside at the bumper …"
     )
     near_angle_rad: float = Field(
-        math.radians(15.0), gt=0, lt=1.4, description="… and further on within this angle of the axis, 15°"
+        math.radians(15.0), gt=0, lt=1.4, description="… and further ahead within this angle of the axis, 15°"
     )
     disagreement_mps2: float = Field(
         3.0,
         gt=0,
-        description="a lane whose curvature asks for a lateral acceleration this far from the one driven is "
-        "taken for lost",
+        description="the lane counts as lost if its curvature needs a lateral acceleration this far from the "
+        "driven one",
     )
     jerk_mps3: float = Field(
         1.2,
         gt=0,
-        description="a lane whose curvature changes so fast at the own speed is taken for lost, too: roads "
+        description="the lane counts as lost if its curvature changes by this much at the own speed: roads "
         "are built for 0.3 to 0.9 m/s³",
     )
-    road_reach_m: float = Field(60.0, gt=0, description="the lane's curvature changes on up to there")
-    least_speed_mps: float = Field(2.8, ge=0, description="active from 10 km/h")
-    speed_hysteresis_mps: float = Field(1.4, ge=0, description="and until this much below it")
-    relief: float = Field(
-        0.15, ge=0, description="a level ends when the gap is by this share above its distance"
+    road_reach_m: float = Field(
+        60.0, gt=0, description="distance up to which the lane's change of curvature is continued"
     )
-    confirm_steps: int = Field(2, ge=1, le=20, description="steps in a row before a level begins")
-    least_reminder_s: float = Field(1.0, ge=0, description="a reminder lasts at least")
-    least_danger_s: float = Field(0.6, ge=0, description="and danger, unless the driver brakes")
+    least_speed_mps: float = Field(2.8, ge=0, description="lowest active speed: 10 km/h")
+    speed_hysteresis_mps: float = Field(
+        1.4, ge=0, description="it stays active until this much below that speed"
+    )
+    relief: float = Field(
+        0.15, ge=0, description="a level ends when the gap exceeds its distance by this share"
+    )
+    confirm_steps: int = Field(
+        2, ge=1, le=20, description="steps in a row that are needed before a level begins"
+    )
+    least_reminder_s: float = Field(1.0, ge=0, description="shortest duration of a reminder")
+    least_danger_s: float = Field(
+        0.6, ge=0, description="shortest duration of a danger warning, unless the driver brakes"
+    )
     braking_mps2: float = Field(
-        2.0, gt=0, description="a driver who brakes so hard, and enough, gets no danger warning and no sound"
+        2.0,
+        gt=0,
+        description="a driver who brakes this hard, and enough, gets no danger warning and no sound",
     )
     least_closing_mps: float = Field(
-        0.5, ge=0, description="no warning of a leader that comes no nearer than this and does not brake"
+        0.5, ge=0, description="no warning of a leader that closes more slowly than this and does not brake"
     )
     floor_ttc_s: float = Field(
-        2.6, ge=0, description="whatever the model: a time to collision, own braking left out, of a reminder"
+        2.6, ge=0, description="time to collision of a reminder with any model, own braking not counted"
     )
     acceleration_slack_mps2: float = Field(
-        0.5, ge=0, description="taken off the leader's braking, for the noise of the track"
+        0.5, ge=0, description="subtracted from the leader's deceleration, for the noise of the track"
     )
-    hardest_braking_mps2: float = Field(9.0, gt=0, description="a leader cannot brake harder")
-    bumper_m: float = Field(1.6, ge=0, description="front bumper ahead of the centre of gravity")
+    hardest_braking_mps2: float = Field(9.0, gt=0, description="greatest deceleration of a leader")
+    bumper_m: float = Field(
+        1.6, ge=0, description="distance of the front bumper ahead of the centre of gravity"
+    )
 
     @model_validator(mode="after")
     def _border_on_the_road(self) -> Self:

@@ -54,28 +54,59 @@ CODES = ("inactive", "ready", "warning left", "warning right", "suppressed", "la
 class DepartureSettings:
     """When the driver is warned."""
 
-    threshold_s: float = Field(1.0, gt=0, le=3, description="time to lane crossing that is due for a warning")
-    hysteresis_s: float = Field(0.5, ge=0, description="a warning ends, a side is armed, this much above")
-    confirm_s: float = Field(0.4, ge=0, description="the look before was at most this much above")
-    urgent_s: float = Field(0.3, ge=0, description="level 2 from here, or with a wheel over the border")
-    consistent_s: float = Field(0.2, ge=0, description="no look has contradicted the estimate for so long")
-    edge_m: float = Field(0.10, ge=0, description="a wheel so near the border is due whatever its TLC")
-    least_drift_mps: float = Field(0.03, ge=0, description="no warning without so much drift to that side")
-    earliest_m: float = Field(0.75, gt=0, description="ISO 17361, from memory: not earlier inside the border")
-    earliest_time_s: float = Field(1.5, gt=0, description="and this times the rate of departure")
-    earliest_most_m: float = Field(1.5, gt=0, description="and never earlier than this")
-    latest_m: float = Field(0.3, ge=0, description="not later outside the border")
-    rearm_gap_m: float = Field(0.25, ge=0, description="wheel so far inside before the side can warn again")
-    rearm_s: float = Field(3.0, ge=0, description="or so long after the last warning, with edge_m inside")
+    threshold_s: float = Field(
+        1.0, gt=0, le=3, description="time to lane crossing below which a warning begins"
+    )
+    hysteresis_s: float = Field(
+        0.5, ge=0, description="a warning ends, and its side may warn again, this much above the threshold"
+    )
+    confirm_s: float = Field(
+        0.4,
+        ge=0,
+        description="the time to crossing of the step before must be at most this much above the threshold",
+    )
+    urgent_s: float = Field(
+        0.3,
+        ge=0,
+        description="time to crossing below which the warning is level 2, as with a wheel over the border",
+    )
+    consistent_s: float = Field(
+        0.2, ge=0, description="time without a contradicting camera measurement that is needed for a warning"
+    )
+    edge_m: float = Field(
+        0.10, ge=0, description="a wheel this near the border is warned of whatever its time to crossing"
+    )
+    least_drift_mps: float = Field(0.03, ge=0, description="least lateral speed towards a side for a warning")
+    earliest_m: float = Field(
+        0.75,
+        gt=0,
+        description="earliest warning line, inside the border (ISO 17361, from memory); at higher rates of "
+        "departure …",
+    )
+    earliest_time_s: float = Field(
+        1.5, gt=0, description="… this time times the rate of departure, if more …"
+    )
+    earliest_most_m: float = Field(1.5, gt=0, description="… but no further inside than this")
+    latest_m: float = Field(
+        0.3, ge=0, description="latest warning line, outside the border (ISO 17361, from memory)"
+    )
+    rearm_gap_m: float = Field(
+        0.25, ge=0, description="distance of the wheel inside the border from which the side can warn again"
+    )
+    rearm_s: float = Field(
+        3.0, ge=0, description="or time after the last warning, with the wheel edge_m inside"
+    )
     least_speed_mps: float = Field(
-        11.1, ge=0, description="active from 40 km/h (11.1 m/s); streets are slower"
+        11.1, ge=0, description="lowest active speed: 40 km/h (11.1 m/s); streets are slower"
     )
-    speed_hysteresis_mps: float = Field(1.4, ge=0, description="and until this much below it")
+    speed_hysteresis_mps: float = Field(
+        1.4, ge=0, description="it stays active until this much below that speed"
+    )
     signal_hold_s: float = Field(
-        1.5, ge=0, description="a turn signal excuses its side so long after it ends"
+        1.5, ge=0, description="a turn signal suppresses warnings of its side for this time after it ends"
     )
-    least_duration_s: float = Field(0.5, ge=0, description="a warning lasts at least")
-    most_duration_s: float = Field(4.0, gt=0, description="and at most")
+    least_duration_s: float = Field(0.5, ge=0, description="shortest duration of a warning")
+    most_duration_s: float = Field(4.0, gt=0, description="longest duration of a warning")
 
     @model_validator(mode="after")
     def _ordered(self) -> "DepartureSettings":

@@ -28,37 +28,41 @@ _G = 9.80665
 
 @settings
 class SafeDistance:
-    """Which model, on which surface, and the models' parameters."""
+    """The safe-distance model, the surface, and the models' parameters."""
 
-    model: ModelName = Field("camp", description="mazda, honda, berkeley, camp, ttc")
-    surface: SurfaceName = Field("dry", description="the driver's selector: dry, wet, snow")
-    wet_share: float = Field(0.7, gt=0, le=1, description="of the dry decelerations")
-    snow_share: float = Field(0.35, gt=0, le=1, description="of the dry decelerations")
+    model: ModelName = Field("camp", description="safe-distance model: mazda, honda, berkeley, camp, ttc")
+    surface: SurfaceName = Field("dry", description="road surface, selected by the driver: dry, wet, snow")
+    wet_share: float = Field(
+        0.7, gt=0, le=1, description="deceleration on a wet surface over that on a dry one"
+    )
+    snow_share: float = Field(0.35, gt=0, le=1, description="deceleration on snow over that on a dry surface")
 
     mazda_own_mps2: float = Field(6.0, gt=0, description="α₁, own deceleration")
-    mazda_leader_mps2: float = Field(8.0, gt=0, description="α₂, the leader's")
-    mazda_system_s: float = Field(0.1, ge=0, description="τ₁")
-    mazda_driver_s: float = Field(0.6, ge=0, description="τ₂")
-    mazda_least_m: float = Field(5.0, ge=0, description="d₀")
-    mazda_margin_m: float = Field(5.0, ge=0, description="ε, from danger to reminder")
+    mazda_leader_mps2: float = Field(8.0, gt=0, description="α₂, the leader's deceleration")
+    mazda_system_s: float = Field(0.1, ge=0, description="τ₁, delay of the system")
+    mazda_driver_s: float = Field(0.6, ge=0, description="τ₂, delay of the driver")
+    mazda_least_m: float = Field(5.0, ge=0, description="d₀, remaining gap")
+    mazda_margin_m: float = Field(5.0, ge=0, description="ε, distance from danger to reminder")
 
-    honda_time_s: float = Field(2.2, gt=0, description="of the reminder")
-    honda_least_m: float = Field(6.2, ge=0, description="of the reminder")
-    honda_mps2: float = Field(7.8, gt=0, description="α₁ = α₂")
-    honda_system_s: float = Field(0.5, ge=0, description="τ₁")
-    honda_braking_s: float = Field(1.5, gt=0, description="τ₂")
+    honda_time_s: float = Field(2.2, gt=0, description="time of the reminder")
+    honda_least_m: float = Field(6.2, ge=0, description="distance of the reminder")
+    honda_mps2: float = Field(7.8, gt=0, description="α₁ = α₂, decelerations")
+    honda_system_s: float = Field(0.5, ge=0, description="τ₁, delay of the system")
+    honda_braking_s: float = Field(1.5, gt=0, description="τ₂, duration of braking")
 
-    berkeley_mps2: float = Field(6.0, gt=0, description="α of both vehicles")
-    berkeley_s: float = Field(1.2, gt=0, description="τ, of driver 1.0 s and system 0.2 s")
-    berkeley_least_m: float = Field(5.0, ge=0, description="d₀")
+    berkeley_mps2: float = Field(6.0, gt=0, description="α, deceleration of both vehicles")
+    berkeley_s: float = Field(1.2, gt=0, description="τ, delay of driver (1.0 s) and system (0.2 s)")
+    berkeley_least_m: float = Field(5.0, ge=0, description="d₀, remaining gap")
 
     camp_reminder_s: float = Field(1.9, ge=0, description="delay to braking: driver 1.52 s, system 0.38 s")
-    camp_danger_s: float = Field(0.9, ge=0, description="the same for one who was reminded")
-    camp_least_m: float = Field(1.0, ge=0, description="gap that is left in the end")
+    camp_danger_s: float = Field(0.9, ge=0, description="the same for a driver who was reminded")
+    camp_least_m: float = Field(1.0, ge=0, description="remaining gap")
 
     ttc_reminder_s: float = Field(2.8, gt=0, description="time to collision of the reminder")
-    ttc_danger_s: float = Field(1.6, gt=0, description="and of danger")
-    ttc_reaction_s: float = Field(0.8, ge=0, description="the part of both that the surface does not stretch")
+    ttc_danger_s: float = Field(1.6, gt=0, description="time to collision of the danger warning")
+    ttc_reaction_s: float = Field(
+        0.8, ge=0, description="the part of both times that the surface does not scale"
+    )
 
     @property
     def share(self) -> float:
