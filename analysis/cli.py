@@ -40,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 @app.callback()
 def about(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the versions and leave.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Print the versions and exit.")] = False,
 ) -> None:
     """Lane-departure and rear-end warning for whole fleets in SUMO: runs, recordings, campaigns, pictures."""
     if version:
@@ -54,15 +54,15 @@ def about(
 app.command(short_help="Run a scenario, write its tables, print a summary.")(simulation.run)
 app.command()(simulation.scenarios)
 app.command(short_help="Run a campaign, or what is missing of it.")(campaigns.batch)
-app.command(short_help="Judge other warning thresholds on a campaign's steps.")(campaigns.sweep)
-app.command(short_help="Film a drive: camera, warnings, view from above.")(drives.video)
+app.command(short_help="Evaluate other warning thresholds on a campaign's steps.")(campaigns.sweep)
+app.command(short_help="Make a video of a drive: camera, warnings, view from above.")(drives.video)
 app.command()(recordings.detect)
 app.command(short_help="Propose a camera file from straight roads.")(recordings.calibrate)
 app.command()(recordings.track)
-app.command(short_help="Write one HTML page that shows what a directory holds.")(pictures.report)
-app.command(short_help="Draw one figure of what a directory holds.")(pictures.plot)
-app.command(short_help="Run a published experiment: published beside measured.")(studies.reproduce)
-app.command(short_help="Drive a test protocol of the industry; status 0 when it passes.")(protocols.protocol)
+app.command(short_help="Write one HTML page on a run, a campaign or a recorded drive.")(pictures.report)
+app.command(short_help="Draw one figure of a run, a campaign or a recorded drive.")(pictures.plot)
+app.command(short_help="Run a published experiment and compare the results.")(studies.reproduce)
+app.command(short_help="Run a test protocol; status 0 when it passes.")(protocols.protocol)
 app.command(short_help="Measure accuracy over many seeds against the stated targets.")(studies.evaluate)
 
 

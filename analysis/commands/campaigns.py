@@ -17,13 +17,15 @@ class Kind(enum.StrEnum):
 
 
 def sweep(
-    directory: Annotated[str, typer.Argument(help="Of a campaign that kept steps.", metavar="DIR")],
-    kind: Annotated[Kind, typer.Option("--kind", help="Lane departure, or forward collision.")] = Kind.LDW,
+    directory: Annotated[str, typer.Argument(help="Directory of a campaign that kept steps.", metavar="DIR")],
+    kind: Annotated[
+        Kind, typer.Option("--kind", help="ldw: lane departure; fcw: forward collision.")
+    ] = Kind.LDW,
     threshold: Annotated[
         str, typer.Option("--threshold", metavar="FROM:TO:STEP", help="Seconds.")
     ] = "0.2:2.0:0.1",
 ) -> None:
-    """Judge other warning thresholds on the stored times to crossing or collision: hits, misses, false."""
+    """Evaluate other warning thresholds on the stored times to crossing or collision: hits, misses, false."""
     from analysis.campaign.sweep import sweep as judge
     from analysis.campaign.sweep import thresholds
 
@@ -39,7 +41,7 @@ def batch(
         str, typer.Option("--out", help="Directory, or any fsspec address.", metavar="DIR")
     ] = "out/campaign",
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, metavar="N", help="Runs at once; else one a core.")
+        int | None, typer.Option("--workers", min=1, metavar="N", help="Runs at once; default: one per core.")
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="An existing Dask scheduler.")
@@ -48,10 +50,13 @@ def batch(
         bool, typer.Option("--dry-run", help="List the runs and what they will take, run nothing.")
     ] = False,
     keep: Annotated[
-        str, typer.Option("--keep", metavar="TABLES", help="Tables to keep of every run, as steps,tracks.")
+        str,
+        typer.Option(
+            "--keep", metavar="TABLES", help="Tables to keep of every run, for example steps,tracks."
+        ),
     ] = "",
     compare_paper: Annotated[
-        bool, typer.Option("--compare-paper", help="Also judge the published search on every frame.")
+        bool, typer.Option("--compare-paper", help="Also evaluate the published search on every frame.")
     ] = False,
 ) -> None:
     """Run a campaign, or what is missing of it, and write its report."""

@@ -9,7 +9,7 @@ from analysis.commands.common import errors, plain_errors
 
 
 def video(
-    directory: Annotated[Path, typer.Argument(help="Of a run's tables.", metavar="DIR")],
+    directory: Annotated[Path, typer.Argument(help="Directory of a run's tables.", metavar="DIR")],
     out: Annotated[
         Path | None,
         typer.Option(
@@ -20,7 +20,7 @@ def video(
     ] = None,
     vehicle: Annotated[
         str | None,
-        typer.Option("--vehicle", help="SUMO's id; else the one with most departures.", metavar="ID"),
+        typer.Option("--vehicle", help="SUMO's id; default: the vehicle with most departures.", metavar="ID"),
     ] = None,
     begin: Annotated[float | None, typer.Option("--from", help="SUMO time.", metavar="S")] = None,
     end: Annotated[float | None, typer.Option("--to", help="SUMO time.", metavar="S")] = None,

@@ -19,8 +19,8 @@ def report(
         list[str] | None,
         typer.Option(
             "--vehicle",
-            help="Whose drive the viewer shows (may be repeated); by default those with frames, else the one "
-            "where most happened.",
+            help="Vehicle that the viewer shows (may be repeated); by default those with frames, else "
+            "the one with most events.",
             metavar="ID",
         ),
     ] = None,
@@ -28,7 +28,7 @@ def report(
         bool,
         typer.Option(
             "--frames/--no-frames",
-            help="The drive viewer; a run that kept no frames is repeated for them, which takes its time.",
+            help="With the drive viewer; a run that kept no frames is repeated, which takes time.",
         ),
     ] = True,
 ) -> None:
@@ -42,19 +42,22 @@ def report(
 
 def plot(
     directory: Annotated[
-        Path | None, typer.Argument(help="Where the tables lie.", metavar="DIR", show_default=False)
+        Path | None, typer.Argument(help="Directory of the tables.", metavar="DIR", show_default=False)
     ] = None,
     name: Annotated[
-        str, typer.Argument(help="Of the figure, see --list.", metavar="NAME", show_default=False)
+        str, typer.Argument(help="Name of the figure, see --list.", metavar="NAME", show_default=False)
     ] = "",
     out: Annotated[
         Path | None,
         typer.Option("--out", help="A .png, .svg or .pdf; by default NAME.png.", metavar="FILE"),
     ] = None,
     vehicle: Annotated[
-        str | None, typer.Option("--vehicle", help="For timeline; by default the busiest.", metavar="ID")
+        str | None,
+        typer.Option(
+            "--vehicle", help="Vehicle of the timeline; by default the one with most events.", metavar="ID"
+        ),
     ] = None,
-    listed: Annotated[bool, typer.Option("--list", help="Name the figures and leave.")] = False,
+    listed: Annotated[bool, typer.Option("--list", help="List the figures and exit.")] = False,
 ) -> None:
     """Draw one figure of a run, a campaign, a recorded drive, or of the published sources."""
     from analysis.plots.catalogue import PLOTS, draw, write

@@ -19,21 +19,23 @@ def protocol(
     ],
     out: Out = Path("out/protocol"),
     mode: Annotated[
-        Mode, typer.Option(help="The published chain as it is, or the default one.")
+        Mode, typer.Option(help="paper: the published chain; refined: the default one.")
     ] = Mode.REFINED,
     distance_model: Annotated[
         str | None,
-        typer.Option("--distance-model", metavar="M", help=f"Of the rear-end warning: {', '.join(MODELS)}."),
+        typer.Option(
+            "--distance-model", metavar="M", help=f"Safe-distance model of the warning: {', '.join(MODELS)}."
+        ),
     ] = None,
     compare: Annotated[
-        bool, typer.Option("--compare", help="Also in paper mode, and with each safe-distance model.")
+        bool, typer.Option("--compare", help="Also run paper mode and each safe-distance model.")
     ] = False,
     seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, metavar="N")] = 1,
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Runs at once.")] = 2,
 ) -> None:
-    """Drive a test protocol and write its tables; exit status 0 only when it passes.
+    """Run a test protocol and write its tables; exit status 0 only when it passes.
 
-    With --compare only the default configuration decides on the status.
+    With --compare, only the default configuration determines the status.
     """
     from analysis.protocol import report
     from analysis.protocol.definition import load, protocols

@@ -29,7 +29,9 @@ def detect(
         Path | None,
         typer.Option("--overlay", help="Video with borders and predicted path.", metavar="FILE"),
     ] = None,
-    mode: Annotated[Mode, typer.Option(help="The published search, or the default tracker.")] = Mode.REFINED,
+    mode: Annotated[
+        Mode, typer.Option(help="paper: the published search; refined: the default tracker.")
+    ] = Mode.REFINED,
     speed: Annotated[
         float, typer.Option("--speed", help="Speed of the vehicle in m/s.", min=0, max=100, metavar="V")
     ] = 25.0,
@@ -63,14 +65,17 @@ def calibrate(
 
 
 def track(
-    log: Annotated[Path, typer.Argument(help="A row a detection, or what the format says.", metavar="LOG")],
+    log: Annotated[
+        Path, typer.Argument(help="One detection per row, or as the format requires.", metavar="LOG")
+    ],
     out: Out = Path("out"),
     filter_name: Annotated[
-        str, typer.Option("--filter", help="Of the tracker: imm, adaptive, patent, cv, ca.", metavar="NAME")
+        str, typer.Option("--filter", help="Tracking filter: imm, adaptive, patent, cv, ca.", metavar="NAME")
     ] = "imm",
-    log_format: Annotated[LogFormat, typer.Option("--format", help="Of the log.")] = LogFormat.CSV,
+    log_format: Annotated[LogFormat, typer.Option("--format", help="Format of the log.")] = LogFormat.CSV,
     own_association: Annotated[
-        bool, typer.Option("--own-association", help="Associate also where the log gives the targets.")
+        bool,
+        typer.Option("--own-association", help="Associate detections even where the log gives the targets."),
     ] = False,
 ) -> None:
     """Track the objects of a recorded radar log."""

@@ -20,43 +20,53 @@ def run(
     seed: Annotated[
         int | None,
         typer.Option(
-            min=0, max=2**31 - 1, metavar="N", help="Of traffic, drivers, sensors; else the scenario's."
+            min=0,
+            max=2**31 - 1,
+            metavar="N",
+            help="Random seed of traffic, drivers and sensors; default: the scenario's.",
         ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(min=0.1, max=86_400, metavar="S", help="Seconds; else the scenario's.")
+        float | None,
+        typer.Option(min=0.1, max=86_400, metavar="S", help="Simulated seconds; default: the scenario's."),
     ] = None,
     equip: Annotated[
         float | None,
         typer.Option(
-            min=0, max=1, metavar="FRACTION", help="Share of equipped vehicles; else the scenario's."
+            min=0, max=1, metavar="FRACTION", help="Share of equipped vehicles; default: the scenario's."
         ),
     ] = None,
     mode: Annotated[
         Mode | None,
-        typer.Option(help="The published chain as it is, or the default one; else the scenario's."),
+        typer.Option(help="paper: the published chain; refined: the default one. Default: the scenario's."),
     ] = None,
-    table_format: Annotated[Format, typer.Option("--format", help="Of the tables.")] = Format.CSV,
+    table_format: Annotated[Format, typer.Option("--format", help="Format of the tables.")] = Format.CSV,
     compare_paper: Annotated[
-        bool, typer.Option("--compare-paper", help="Also judge the published search on every frame.")
+        bool, typer.Option("--compare-paper", help="Also evaluate the published search on every frame.")
     ] = False,
     frames: Annotated[
         int | None,
         typer.Option(
-            min=0, max=1000, metavar="N", help="Keep the camera frames of N vehicles, the first on the road."
+            min=0, max=1000, metavar="N", help="Keep the camera frames of the first N vehicles on the road."
         ),
     ] = None,
     gui: Annotated[
-        bool, typer.Option("--gui", help="In SUMO's own window; the followed vehicle's camera in --out.")
+        bool,
+        typer.Option(
+            "--gui", help="Show SUMO's own window; the followed vehicle's camera is written to --out."
+        ),
     ] = False,
     delay: Annotated[
-        int, typer.Option("--delay", min=0, max=10_000, metavar="MS", help="Of a step, with --gui.")
+        int,
+        typer.Option(
+            "--delay", min=0, max=10_000, metavar="MS", help="Delay of each step in ms, with --gui."
+        ),
     ] = 100,
 ) -> None:
     """Run a scenario in SUMO, write the tables and print a summary.
 
-    With --gui it runs in sumo-gui, in a process of its own that is spoken to over traci: libsumo, which runs
-    SUMO inside this process, is built without a window. The tables are the same; docs/gui.md.
+    With --gui it runs in sumo-gui, as a process of its own that is controlled through traci, because libsumo,
+    which runs SUMO inside this process, has no window. The tables are the same; see docs/gui.md.
     """
     from analysis.simulate import Window, simulate
     from analysis.summary import print_summary

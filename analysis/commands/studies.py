@@ -13,9 +13,9 @@ def reproduce(
         str, typer.Argument(help="An experiment of the sources, or all.", metavar="NAME", show_default=False)
     ] = "",
     out: Out = Path("out/reproduce"),
-    listed: Annotated[bool, typer.Option("--list", help="Name the experiments and leave.")] = False,
+    listed: Annotated[bool, typer.Option("--list", help="List the experiments and exit.")] = False,
 ) -> None:
-    """Run a published experiment: published value beside measured value, curves and pictures."""
+    """Run a published experiment: published and measured values, curves and pictures."""
     from analysis.published import comparison
     from analysis.published.experiments import EXPERIMENTS, reproduce_all
     from analysis.published.experiments import reproduce as run
@@ -39,19 +39,21 @@ def reproduce(
 
 def evaluate(
     out: Out = Path("out/evaluation"),
-    seeds: Annotated[int, typer.Option("--seeds", help="How many seeds.", min=1, metavar="N")] = 10,
+    seeds: Annotated[int, typer.Option("--seeds", help="Number of seeds.", min=1, metavar="N")] = 10,
     first_seed: Annotated[
-        int, typer.Option("--first-seed", help="The first of them.", min=0, metavar="N")
+        int, typer.Option("--first-seed", help="The first seed.", min=0, metavar="N")
     ] = 100,
     duration: Annotated[
         float,
-        typer.Option("--duration", help="Seconds simulated a run.", min=0.1, max=86_400, metavar="S"),
+        typer.Option("--duration", help="Simulated seconds per run.", min=0.1, max=86_400, metavar="S"),
     ] = 60.0,
     equip: Annotated[
         float, typer.Option("--equip", help="Share of equipped vehicles.", min=0, max=1, metavar="FRACTION")
     ] = 0.1,
     workers: Annotated[int, typer.Option("--workers", help="Runs at once.", min=1, metavar="N")] = 2,
-    scenario: Annotated[str, typer.Option("--scenario", help="As for run.", metavar="SCENARIO")] = "highway",
+    scenario: Annotated[
+        str, typer.Option("--scenario", help="Scenario, as for run.", metavar="SCENARIO")
+    ] = "highway",
 ) -> None:
     """Measure accuracy over many seeds, in clear and complex conditions, against the stated targets."""
     from analysis.evaluation import evaluate as measure
