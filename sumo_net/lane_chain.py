@@ -39,12 +39,15 @@ def chain(
 def lanes_behind(graph: LaneGraph, lane: str, came_from: str = "") -> list[str]:
     """Lanes that lead to `lane`, in driving order, BEHIND_M or more where the road has them.
 
-    `came_from`: the lane the vehicle was on before; without it, the straightest way in.
+    `came_from`: the lane the vehicle was on before. Without it, the vehicle begins here and has turned round
+    no corner: only ways that lead straight on, and in a junction the one that it stands on.
     """
     found: list[str] = []
     length, at = 0.0, lane
     while length < BEHIND_M and len(found) < _MOST_LANES:
         inward = [c for c in graph.inward.get(at, []) if c.direction != "t" or c.source == came_from]
+        if not came_from and not graph.lanes[at].internal:
+            inward = [c for c in inward if c.direction == "s"]
         if not inward:
             break
         at = min(inward, key=lambda c: _strangeness(graph, c, came_from)).source

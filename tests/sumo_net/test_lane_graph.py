@@ -120,9 +120,10 @@ def test_chain_follows_the_route_and_then_goes_straight_on(tmp_path):
     assert lane_chain.lanes_ahead(graph, "a_0", ("a", "c")) == ["c_0", "e_0", "f_0"]
     assert lane_chain.lanes_ahead(graph, "a_0", ()) == ["b_0"]
     assert lane_chain.lanes_ahead(graph, "a_0", ("a", "f")) == ["b_0"]  # no such way: straight on
-    assert lane_chain.lanes_behind(graph, "a_0") == ["f_0"]
-    assert lane_chain.lanes_behind(graph, "c_0") == ["a_0"]
-    pieces, own = lane_chain.chain(graph, "a_0", ("a", "c"), "")
+    assert lane_chain.lanes_behind(graph, "a_0", "f_0") == ["f_0"]
+    assert lane_chain.lanes_behind(graph, "f_0") == ["e_0"]
+    assert lane_chain.lanes_behind(graph, "c_0") == []  # who begins here has turned round no corner
+    pieces, own = lane_chain.chain(graph, "a_0", ("a", "c"), "f_0")
     assert [p.lane for p in pieces] == ["f_0", "a_0", "c_0", "e_0", "f_0"]
     assert own == 1
     assert pieces[-1].end == pytest.approx(0.6)  # 260 m beyond the lane
