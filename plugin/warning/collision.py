@@ -90,6 +90,9 @@ class Collision:
     entry_gap_m: float = Field(
         2.0, ge=0, description="no object enters the path nearer than this: it is being passed"
     )
+    entering_s: float = Field(
+        1.0, ge=0, description="the lane that the vehicle will be in after so long belongs to the path, too"
+    )
     near_half_m: float = Field(
         0.5, ge=0, description="an object in path is at most this far aside at the bumper …"
     )
@@ -248,6 +251,7 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
             3.0,
             o.disagreement_mps2,
             o.jerk_mps3,
+            o.entering_s,
         ),
         CollisionNumbers(
             safe_distance.numbers(o.distance),

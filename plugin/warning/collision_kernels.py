@@ -33,6 +33,7 @@ class PathNumbers(NamedTuple):
     least_speed: float  # m/s, below it steering says nothing
     disagreement: float  # m/s²
     jerk: float  # m/s³
+    entering: float  # s
 
 
 class CollisionNumbers(NamedTuple):
@@ -101,6 +102,22 @@ def time_to(x, vx, row, speed, bumper):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _entered(motion, i, speed, within):  # type: ignore[no-untyped-def]
+    """Metres from the middle of the lane to that of the one that vehicle i will be in `within` s, else 0."""
+    width, aside = motion.lane_width_m[i], motion.lateral_offset_m[i]
+    aside += within * (speed * math.sin(motion.heading_error_rad[i]) + motion.lateral_speed_mps[i])
+    if aside > 0.5 * width:
+        return width
+    return -width if aside < -0.5 * width else 0.0
+
+
+@kernel
+def _between(d, end):  # type: ignore[no-untyped-def]
+    """The number between 0 and `end` that is nearest to d."""
+    return min(max(d, min(end, 0.0)), max(end, 0.0))
+
+
+@kernel
 def in_path(tracks, motion, speed, yaw_rate, p, was, now, inside, offset):  # type: ignore[no-untyped-def]
     """Which tracks are in path, into inside (T,) bool, and how far from its middle, offset (T,).
 
@@ -138,7 +155,8 @@ def in_path(tracks, motion, speed, yaw_rate, p, was, now, inside, offset):  # ty
         for k in range(was.shape[1]):
             known = known or was[i, k] == tracks.track_id[t]
         doubt = 0.5 * p.doubt * x * x  # how far off a wrong curvature puts the lane there
-        inside[t] = abs(d) <= (half + p.leave if known else half - p.enter) - doubt
+        aside = d - _between(d, _entered(motion, i, speed[i], p.entering) if seen else 0.0)
+        inside[t] = abs(aside) <= (half + p.leave if known else half - p.enter) - doubt
         # Beside the front, at the edge of the view, positions are poor: an object there is being passed.
         inside[t] = inside[t] and (known or x - p.bumper >= p.entry)
         inside[t] = inside[t] and abs(y) <= p.body + p.slope * max(x - p.bumper, 0.0)

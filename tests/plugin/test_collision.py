@@ -124,6 +124,21 @@ def test_path_follows_the_vehicles_own_place_in_the_lane() -> None:
     assert path.offset_m == pytest.approx([40.0 * math.sin(0.05) - 0.8], abs=0.01)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_lane_that_is_entered_belongs_to_the_path(side: float) -> None:
+    """Who will be over the border within 1 s has the leader there, and whoever is between the lanes."""
+    lane = {"lateral_offset_m": side * 1.0, "heading_error_rad": side * 0.02}  # 0.6 m/s towards the border
+    there, between = {"x_m": 30.0, "y_m": side * 2.0}, {"x_m": 30.0, "y_m": side * 0.2}
+    post = {**there, "vx_mps": 0.0, "standing": 1}
+    _, path = Driver().step(there, between, post, **lane)
+    assert np.abs(path.offset_m) == pytest.approx([3.6, 1.8, 3.6], abs=0.01)
+    assert not path.inside.any()
+    _, path = Driver().step(there, between, post, **lane, lateral_speed_mps=side * 0.4)
+    assert path.inside.tolist() == [True, True, False]
+    _, path = Driver(entering_s=0.0).step(there, between, post, **lane, lateral_speed_mps=side * 0.4)
+    assert not path.inside.any()
+
+
 def test_path_is_the_steered_circle_while_the_lane_is_lost() -> None:
     on_circle = {"x_m": 40.0, "y_m": 1.6}  # R 500 m
     _, path = Driver().step(on_circle, {"x_m": 40.0, "y_m": -1.6}, yaw_rate=0.06, **LOST)
