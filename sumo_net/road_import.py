@@ -17,6 +17,7 @@ class Format(NamedTuple):
     root: str  # element of the file
     option: str  # of netconvert, that takes the file
     options: tuple[str, ...]
+    types: str = ""  # of roads or lanes, for netconvert; its own where empty
 
 
 # as SUMO's own web wizard, but for turns on the spot, which no car can drive, and roads that stand alone
@@ -31,7 +32,40 @@ _OSM = (
     "--no-turnarounds.except-deadend=true",
 )
 # bends as they are given: chords of 1 m, of an arc of 50 m radius 2.5 mm beside it
-_OPENDRIVE = ("--opendrive.curve-resolution=1", "--keep-edges.by-vclass=passenger", "--no-turnarounds=true")
+_OPENDRIVE = (
+    "--opendrive.curve-resolution=1",
+    "--keep-edges.by-vclass=passenger",
+    "--no-turnarounds=true",
+)
+# Every lane is kept: what lies beside one that is left out would move into its place.
+_CARS = (
+    "driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "bidirectional",
+    "mwyEntry", "mwyExit",
+)  # fmt: skip
+_NOT_DRIVEN = {  # who may use it
+    "emergency": ("stop", "parking", "restricted", "roadWorks"),  # stop: a hard shoulder
+    "bus": ("bus",),
+    "taxi": ("taxi",),
+    "hov": ("HOV",),
+    "bicycle": ("biking",),
+    "pedestrian": ("sidewalk", "walking"),
+    "tram": ("tram",),
+    "rail": ("rail",),
+    "custom1": ("none", "shoulder", "border", "curb", "median", "special1", "special2", "special3"),
+}
+_LIMIT_MPS = 13.89  # where the file gives none
+_LANE_TYPES = "\n".join(
+    [
+        "<types>",
+        *(f'<type id="{name}" speed="{_LIMIT_MPS}" disallow="pedestrian rail tram ship"/>' for name in _CARS),
+        *(
+            f'<type id="{name}" speed="{_LIMIT_MPS}" allow="{who}"/>'
+            for who, names in _NOT_DRIVEN.items()
+            for name in names
+        ),
+        "</types>",
+    ]
+)
 _ALL = ("--precision=4", "--flatten=true")  # 0.1 mm; the world here is flat
 
 OSM = Format(
@@ -47,6 +81,7 @@ OPENDRIVE = Format(
     root="OpenDRIVE",
     option="--opendrive-files",
     options=_OPENDRIVE,
+    types=_LANE_TYPES,
 )
 FORMATS = (OSM, OPENDRIVE)
 ENDINGS = OSM.endings + OPENDRIVE.endings
@@ -75,8 +110,21 @@ def convert(file: Path, lefthand: bool, directory: Path) -> Path:
     net_file = directory / "converted.net.xml"
     try:
         netconvert(
-            net_file, f"{kind.option}={file}", f"--lefthand={str(lefthand).lower()}", *kind.options, *_ALL
+            net_file,
+            f"{kind.option}={file}",
+            f"--lefthand={str(lefthand).lower()}",
+            *_types(kind, directory),
+            *kind.options,
+            *_ALL,
         )
     except BuildError as error:
         raise SettingsError(f"{file}: {error}") from None
     return net_file
+
+
+def _types(kind: Format, directory: Path) -> tuple[str, ...]:
+    if not kind.types:
+        return ()
+    file = directory / "types.typ.xml"
+    file.write_text(kind.types, encoding="utf-8")
+    return (f"--type-files={file}",)
