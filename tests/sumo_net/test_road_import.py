@@ -85,13 +85,13 @@ def test_an_opendrive_road_bends_as_it_was_drawn(tmp_path: Path) -> None:
 def test_lanes_beside_a_median_and_a_hard_shoulder_stay_where_they_are(tmp_path: Path) -> None:
     lanes = (("border", 2.6), ("driving", 3.9), ("driving", 3.9), ("stop", 3.6), ("sidewalk", 2.0))
     right = "".join(
-        f'<lane id="-{i}" type="{name}"><width sOffset="0" a="{width}" b="0" c="0" d="0"/></lane>'
+        f'<lane id="-{i}" type="{name}"><width sOffset="0" a="{width}" b="0" c="0" d="0"/>'
+        '<speed sOffset="0" max="130" unit="km/h"/></lane>'
         for i, (name, width) in enumerate(lanes, start=1)
     )
     file = tmp_path / "motorway.xodr"
     file.write_text(f"""<OpenDRIVE><header revMajor="1" revMinor="4"/>
       <road name="" length="500" id="1" junction="-1">
-        <type s="0" type="motorway"><speed max="130" unit="km/h"/></type>
         <planView><geometry s="0" x="0" y="0" hdg="0" length="500"><line/></geometry></planView>
         <lanes><laneSection s="0">
           <center><lane id="0" type="none"/></center><right>{right}</right>
