@@ -61,7 +61,7 @@ def sweep(out: str, kind: str, values: Iterable[float]) -> pd.DataFrame:
             "events": total[:, 0],
             "hits": total[:, 1],
             "misses": total[:, 0] - total[:, 1],
-            "hit_rate": total[:, 1] / np.maximum(total[:, 0], 1),
+            "hit_rate": np.where(total[:, 0] > 0, total[:, 1] / np.maximum(total[:, 0], 1), np.nan),
             "false": total[:, 2],
             "nuisance": total[:, 3],
             "false_per_100km": [per_100_km(int(n), km) for n in total[:, 2]],

@@ -168,6 +168,9 @@ def roc(tables: dict[str, pd.DataFrame]) -> Figure:
         if table.empty or "hit_rate" not in table.columns:
             nothing(axes, f"no threshold sweep:\nsumo-adas sweep DIR --kind {kind}")
             continue
+        if not table["events"].any():
+            nothing(axes, f"no {what} were due a warning")
+            continue
         unwanted = table["false_per_100km"] + table["nuisance_per_100km"]
         axes.plot(
             unwanted,

@@ -19,7 +19,7 @@ from analysis.campaign import tally as counting
 from analysis.campaign.plan import Campaign, Draw, Seeds, in_words, load, plan
 from analysis.campaign.report import write_report
 from analysis.campaign.store import Store
-from analysis.campaign.sweep import _judge_collision, _judge_lane, thresholds
+from analysis.campaign.sweep import _judge_collision, _judge_lane, sweep, thresholds
 from analysis.cli import main
 from sumo_net.settings import SettingsError
 
@@ -70,6 +70,10 @@ def test_a_plan_is_every_cell_with_every_seed() -> None:
         ('seeds = [1]\nkeep = ["step"]', "steps"),
         ("seeds = [1]\ngrid = { seed = [1, 2] }", "seed"),
         ("seeds = [1]\nworker = 3", "worker"),
+        ("", r"^[^\n]*campaign.toml: seeds: is missing \(a list, or first and count\)$"),
+        ('seeds = "1-5"', r"^[^\n]*campaign.toml: seeds = '1-5': must be a list$"),
+        ("seeds = { first = 1, count = 0 }", r"^[^\n]*campaign.toml: seeds.count = 0: [^\n]*greater than 0$"),
+        ("seeds = [1.5]", r"^[^\n]*campaign.toml: seeds.0 = 1.5: [^\n]*integer[^\n]*$"),
         ('seeds = [1]\nrandom = { warm_up_s = { distribution = "uniform" } }', "low and high"),
     ],
 )
@@ -248,6 +252,18 @@ def test_a_sweep_of_collision_warnings_counts_due_conflicts() -> None:
     assert leads == pytest.approx([1.1], abs=0.051)
     counts, leads = _judge_collision(drifting(ttc), pd.DataFrame([conflict]), 1.5)
     assert (counts[:2], leads) == ([1, 0], [])
+
+
+def test_the_share_of_no_events_is_not_zero(tmp_path: Path) -> None:
+    run = tmp_path / "runs" / "0000-0000000001"
+    run.mkdir(parents=True)
+    drifting([3.0, 2.9, 2.8]).to_parquet(run / "steps.parquet")
+    columns = ["vehicle_id", "side", "crossing_s", "cause", "speed_mps"]
+    pd.DataFrame(columns=columns).to_parquet(run / "departures.parquet")
+    (run / "summary.json").write_text("{}")
+    table = sweep(str(tmp_path), "ldw", [0.5, 1.0])
+    assert table["events"].tolist() == [0, 0]
+    assert table["hit_rate"].isna().all()
 
 
 def batch(file: Path, out: Path, *more: str) -> subprocess.Popen[str]:
