@@ -22,6 +22,8 @@ _MOST_FINDINGS = 20  # that are told
 _LONGEST_VALUE = 300  # and of a message as a whole:
 _LONGEST = 8000
 _DEEPEST = 50  # tables and lists within each other
+_TABLE = "must be a table"
+_TOML_WORDS = {"tuple_type": "must be a list", "dict_type": _TABLE, "dataclass_type": _TABLE}
 _CONFIG = pydantic.ConfigDict(extra="forbid", arbitrary_types_allowed=False, allow_inf_nan=False)
 
 
@@ -119,14 +121,17 @@ def _too_deep(path: Path) -> SettingsError:
 
 
 def _finding(cls: Any, finding: Any) -> str:
-    location = [str(part) for part in finding["loc"]]
+    location = [str(part) for part in finding["loc"] if not str(part).startswith("<")]  # a union's tag
     key = ".".join(location)
     if finding["type"] == "unexpected_keyword_argument":
         known = _fields_at(cls, location[:-1])
         near = difflib.get_close_matches(location[-1], known, n=1, cutoff=0.5)
         hint = f"did you mean '{near[0]}'?" if near else f"known are: {', '.join(sorted(known))}"
         return f"unknown key '{key}': {hint}"
-    message = finding["msg"].removeprefix("Value error, ")
+    if finding["type"] == "missing":
+        what = _fields_at(cls, location[:-1])[location[-1]]
+        return f"{key}: is missing{f' ({what})' if what else ''}"
+    message = _TOML_WORDS.get(finding["type"], finding["msg"].removeprefix("Value error, "))
     if not location:
         return str(message)
     return f"{key} = {_short(finding['input'])}: {message[:1].lower()}{message[1:]}"
@@ -137,11 +142,13 @@ def _short(value: Any) -> str:
     return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]} …"
 
 
-def _fields_at(cls: Any, path: list[str]) -> list[str]:
+def _fields_at(cls: Any, path: list[str]) -> dict[str, str]:
+    """The settings at a place and what they are, '' where nothing is said."""
     for part in path:
         if part.isdigit():  # an entry of a tuple of settings
             cls = next(iter(get_args(cls)), cls)
         elif dataclasses.is_dataclass(cls):
             types = {field.name: field.type for field in dataclasses.fields(cls)}
             cls = types.get(part, cls)
-    return [field.name for field in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
+    fields = getattr(cls, "__pydantic_fields__", {})
+    return {name: field.description or "" for name, field in fields.items()}

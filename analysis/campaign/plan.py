@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pydantic
@@ -77,7 +77,10 @@ class Campaign:
 
     title: str = Field("", description="one line for the report")
     scenarios: tuple[str, ...] = Field(("highway",), min_length=1, description="built-in names or files")
-    seeds: Seeds | tuple[int, ...] = Field(description="a list, or first and count")
+    seeds: Annotated[
+        Annotated[Seeds, pydantic.Tag("<range>")] | Annotated[tuple[int, ...], pydantic.Tag("<list>")],
+        pydantic.Discriminator(lambda given: "<range>" if isinstance(given, dict | Seeds) else "<list>"),
+    ] = Field(description="a list, or first and count")
     duration_s: float | None = Field(None, gt=0, le=86_400, description="of every run; else the scenario's")
     settings: dict[str, Any] = Field(default_factory=dict, description="of every run, by dotted name")
     grid: dict[str, tuple[Any, ...]] = Field(
