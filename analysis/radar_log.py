@@ -6,7 +6,9 @@ carried through), the ego's motion (a column that is absent stands for a radar a
 `true_…`, which need a target_id and are carried through beside the estimates.
 """
 
+import csv
 import difflib
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,6 +36,7 @@ TRUE = (
     "true_vx_mps",
     "true_vy_mps",
 )
+_MOST_STEP_S = 10.0  # of half the scans; tracks end long before
 KNOWN = (*REQUIRED, "target_id", *EGO, *TRUE)
 
 COLUMNS = (
@@ -79,14 +82,16 @@ class Log(NamedTuple):
 def read_log(path: Path) -> Log:
     """Read and check a log. Raises LogError, one line, that names file, line and column."""
     try:
-        frame = pd.read_csv(
-            path,
-            dtype=str,
-            keep_default_na=False,
-            skip_blank_lines=False,
-            encoding="utf-8-sig",
-            index_col=False,
-        )
+        with warnings.catch_warnings(record=True) as odd:
+            warnings.simplefilter("always", pd.errors.ParserWarning)
+            frame = pd.read_csv(
+                path,
+                dtype=str,
+                keep_default_na=False,
+                skip_blank_lines=False,
+                encoding="utf-8-sig",
+                index_col=False,
+            )
     except FileNotFoundError:
         raise LogError(f"{path}: no such file") from None
     except OSError as error:
@@ -95,6 +100,8 @@ def read_log(path: Path) -> Log:
         raise LogError(f"{path}:1: is empty; the first line must be {','.join(REQUIRED)}") from None
     except (pd.errors.ParserError, UnicodeDecodeError) as error:
         raise LogError(f"{path}: is not a CSV file: {' '.join(str(error).split())}") from None
+    if odd:
+        _check_widths(path, len(frame.columns))
     frame.columns = frame.columns.str.strip()
     return parse(frame.fillna(""), str(path))
 
@@ -111,6 +118,11 @@ def parse(frame: pd.DataFrame, source: str) -> Log:
     values = {name: _numbers(rows, name, source) for name in used if name != "target_id"}
     _check_values(rows, values, source)
     time, scan_of_row = np.unique(values["time_s"], return_inverse=True)
+    if len(time) > 1 and np.median(np.diff(time)) > _MOST_STEP_S:
+        raise LogError(
+            f"{source}: scans are {np.median(np.diff(time)):.4g} s apart, at most {_MOST_STEP_S:g} can be "
+            "tracked: is time_s in milliseconds or microseconds?"
+        )
     speed, acceleration, yaw_rate = (_per_scan(rows, values, name, scan_of_row, source) for name in EGO)
     names = rows["target_id"].to_numpy() if "target_id" in rows else np.full(len(rows), "")
     real = np.isfinite(values["range_m"])
@@ -202,6 +214,18 @@ def _columns(log: Log, time: float, listed: TrackList) -> dict[str, Any]:
         "ttc_s": np.where(closing > 0.0, estimate["range_m"] / np.where(closing > 0.0, closing, 1.0), np.nan),
         "restarts": listed.restarts[shown],
     }
+
+
+def _check_widths(path: Path, columns: int) -> None:
+    """pandas leaves out what is more than the first line has names for; empty fields may be left out."""
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = csv.reader(file)
+        for row in rows:
+            if any(value.strip() for value in row[columns:]):
+                raise LogError(
+                    f"{path}:{rows.line_num}: holds {len(row)} values for {columns} columns: "
+                    "decimals need a point, not a comma"
+                )
 
 
 def _check_columns(frame: pd.DataFrame, source: str) -> None:

@@ -93,6 +93,12 @@ def test_a_scan_written_twice_counts_once(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(track_recording(double, None), once)
 
 
+def test_a_comma_at_the_end_of_each_row_is_no_value(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    file = write(tmp_path, HEADER, *approach(np.arange(10) * 0.1, extra=","))
+    assert set(track_recording(file, None)["track_id"]) == {0}
+    assert not recwarn.list
+
+
 GOOD = "0.0,50,-1,0.0"
 
 
@@ -118,6 +124,8 @@ GOOD = "0.0,50,-1,0.0"
             r"log.csv:3: azimuth_rad = '3.2' must lie within ±π; is it in degrees",
         ),
         ([HEADER, GOOD, "0.1,50,-1,0,7"], r"log.csv: is not a CSV file: .*line 3"),
+        ([HEADER, "0.0,50,5,-1,0", "0.1,49,5,-1,0"], r"log.csv:2: holds 5 values for 4 columns.*decimal"),
+        ([HEADER, "0,50,-1,0", "100,49.9,-1,0", "200,49.8,-1,0"], r"scans are 100 s apart.*milliseconds"),
         (
             [HEADER + ",target_id", GOOD + ",7", "0.1,50,-1,0,7", "0.1,60,-1,0,7"],
             r"log.csv:4: time_s = '0.1' is repeated for the same target_id",
