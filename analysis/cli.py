@@ -1,7 +1,9 @@
 """The command `sumo-adas`: its sub-commands are in `analysis.commands`."""
 
 import gc
+import os
 import signal
+import sys
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -32,6 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             f"error: {error.name} is not installed: run `pip install sumo-adas`, or `make demo`, again"
         )
         raise SystemExit(2) from None
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it ends
+        raise SystemExit(141) from None  # as of a process that SIGPIPE has ended
     except (KeyboardInterrupt, typer.Abort):
         raise SystemExit(130) from None
     raise SystemExit(status)

@@ -4,7 +4,7 @@ import contextlib
 import enum
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -15,6 +15,9 @@ from sumo_net.traffic import TrafficError
 errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 
 Out = Annotated[Path, typer.Option("--out", help="Directory for the tables.", file_okay=False, metavar="DIR")]
+
+
+_HELD = {"run": "configuration.json", "campaign": "plan.json"}
 
 
 class Mode(enum.StrEnum):
@@ -36,9 +39,22 @@ class Format(enum.StrEnum):
 def plain_errors() -> Iterator[None]:
     try:
         yield
-    except (SettingsError, TrafficError, ValueError, OSError) as error:
+    except BrokenPipeError:  # who reads, as head does, has seen enough
+        raise
+    except OSError as error:
+        named = error.filename is not None and error.strerror
+        errors.print(f"error: {error.filename}: {error.strerror}" if named else f"error: {error}")
+        raise typer.Exit(2) from None
+    except (SettingsError, TrafficError, ValueError) as error:
         errors.print(f"error: {error}")
         raise typer.Exit(2) from None
+
+
+def refuse_to_mix(out: Path, *kinds: Literal["run", "campaign"]) -> None:
+    """Refuse a directory that holds tables which would be overwritten, or shown with others."""
+    for kind in kinds:
+        if (out / _HELD[kind]).exists():
+            raise SettingsError(f"{out}: holds a {kind}'s tables: name another --out")
 
 
 @contextlib.contextmanager

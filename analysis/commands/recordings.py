@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from analysis.commands.common import Mode, Out, plain_errors, told_where
+from analysis.commands.common import Mode, Out, plain_errors, refuse_to_mix, told_where
 
 
 class LogFormat(enum.StrEnum):
@@ -40,6 +40,7 @@ def detect(
     from analysis.recorded import detect as detect_lanes
 
     with plain_errors(), told_where(out):
+        refuse_to_mix(out, "run", "campaign")
         detect_lanes(source, camera, out, overlay=overlay, mode=mode.value, speed_mps=speed)
 
 
@@ -83,8 +84,11 @@ def track(
     from analysis.radar_log import rmse
 
     with plain_errors(), told_where(out):
+        refuse_to_mix(out, "run", "campaign")
         table = track_recording(log, out, filter_name, log_format.value, own_association)
         typer.echo(f"{'tracks':21} {table['track_id'].nunique()}")
+        if table.empty:
+            typer.echo("note: no object was seen in scans that follow one another closely enough")
         for name, value in rmse(table).items():
             typer.echo(f"RMSE {name:16} {value:.4f}")
         typer.echo(f"Tables: {out}")

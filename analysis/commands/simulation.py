@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from analysis.commands.common import Format, Mode, Out, plain_errors, told_where
+from analysis.commands.common import Format, Mode, Out, plain_errors, refuse_to_mix, told_where
 
 
 def run(
@@ -72,6 +72,7 @@ def run(
     from analysis.summary import print_summary
 
     with plain_errors(), told_where(out):
+        refuse_to_mix(out, "campaign")
         directory = simulate(
             scenario,
             out,

@@ -224,6 +224,39 @@ def test_track_follows_the_object_of_a_log(
     assert last["range_rate_mps"] == pytest.approx(-5.0, abs=0.3)
 
 
+def test_a_log_without_tracks_says_so(mistakes: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("short.csv").write_text("".join(RADAR.splitlines(keepends=True)[:3]))
+    assert status("track", "short.csv", "--out", "tracked") == 0
+    assert "no object" in capsys.readouterr().out
+
+
+def test_what_others_have_written_is_not_overwritten(
+    mistakes: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, file in (("campaign", "plan.json"), ("run", "configuration.json")):
+        Path(name).mkdir()
+        Path(name, file).write_text("{}")
+    commands = {"run": ["run", "straight"], "track": ["track", "radar.csv"]}
+    commands["detect"] = ["detect", "road.png", "--camera", "camera.toml"]
+    refused = [("run", "campaign"), ("track", "campaign"), ("track", "run"), ("detect", "run")]
+    for command, directory in refused:
+        assert status(*commands[command], "--out", directory) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"error: {directory}: holds a {directory}'s tables: name another --out")
+        assert len(list(Path(directory).iterdir())) == 1
+
+
+def test_an_error_of_the_system_names_its_file(mistakes: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert status("run", "straight", "--duration", "1", "--out", "/proc/nowhere") == 2
+    assert capsys.readouterr().err == "error: /proc/nowhere: No such file or directory\n"
+
+
+def test_who_reads_no_further_ends_the_command_quietly() -> None:
+    words = " ".join([*COMMAND[:2], f"'{COMMAND[2]}'", "scenarios"])
+    done = subprocess.run(["bash", "-c", f"{words} | true"], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+
+
 def test_the_commands_offer_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert status("track", "--help") == 0
     assert ", ".join(FILTERS) in " ".join(capsys.readouterr().out.split())
