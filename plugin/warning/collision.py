@@ -77,6 +77,12 @@ class Collision:
         3.0, gt=0, description="such objects count only within this time at the own speed"
     )
     stationary_furthest_m: float = Field(90.0, gt=0, description="and only within this distance")
+    stationary_steps: int = Field(
+        5,
+        ge=1,
+        le=100,
+        description="and, beyond `guess_reach_s`, only after this many steps in a row in the path",
+    )
     curvature_doubt_1pm: float = Field(
         1e-4,
         ge=0,
@@ -92,6 +98,11 @@ class Collision:
     )
     entering_s: float = Field(
         1.0, ge=0, description="the lane that the vehicle will be in after so long belongs to the path, too"
+    )
+    guess_reach_s: float = Field(
+        2.0,
+        ge=0,
+        description="… within this time at the own speed; beyond it, only once the vehicle is there",
     )
     near_half_m: float = Field(
         0.5, ge=0, description="an object in path is at most this far aside at the bumper …"
@@ -198,7 +209,8 @@ class CollisionState(NamedTuple):
     danger_s: Array  # since danger began
     hits: Array  # int64, steps in a row below the reminder distance
     danger_hits: Array
-    inside: Array  # (n, REMEMBERED) int64, ids of the tracks in path, else -1
+    inside: Array  # (n, REMEMBERED) int64, ids of the tracks where the path is, else -1
+    waited: Array  # (n, REMEMBERED) int64, for how many steps in a row
 
 
 class CollisionWarning(NamedTuple):
@@ -241,6 +253,7 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
             o.stationary_half_m,
             o.stationary_reach_s,
             o.stationary_furthest_m,
+            o.stationary_steps,
             o.curvature_doubt_1pm,
             o.lost_reach_s,
             o.bumper_m,
@@ -252,6 +265,7 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
             o.disagreement_mps2,
             o.jerk_mps3,
             o.entering_s,
+            o.guess_reach_s,
         ),
         CollisionNumbers(
             safe_distance.numbers(o.distance),
@@ -274,9 +288,9 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
 
 def init(n: int) -> CollisionState:
     """n vehicles without a warning."""
-    inside = np.full((n, REMEMBERED), kernels.NONE, np.int64)
+    inside, waited = np.full((n, REMEMBERED), kernels.NONE, np.int64), np.zeros((n, REMEMBERED), np.int64)
     since, hits = np.full((2, n), np.inf), np.zeros((2, n), np.int64)
-    return CollisionState._make([np.zeros(n, bool), np.zeros(n, np.int8), *since, *hits, inside])
+    return CollisionState._make([np.zeros(n, bool), np.zeros(n, np.int8), *since, *hits, inside, waited])
 
 
 def step(

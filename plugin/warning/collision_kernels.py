@@ -23,6 +23,7 @@ class PathNumbers(NamedTuple):
     stationary: float  # m from the middle, for objects never seen moving
     stationary_reach: float  # s
     stationary_furthest: float  # m
+    stationary_steps: int
     doubt: float  # 1/m
     lost_reach: float  # s
     bumper: float  # m
@@ -34,6 +35,7 @@ class PathNumbers(NamedTuple):
     disagreement: float  # m/s²
     jerk: float  # m/s³
     entering: float  # s
+    guess_reach: float  # s
 
 
 class CollisionNumbers(NamedTuple):
@@ -118,11 +120,11 @@ def _between(d, end):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def in_path(tracks, motion, speed, yaw_rate, p, was, now, inside, offset):  # type: ignore[no-untyped-def]
+def in_path(tracks, motion, speed, yaw_rate, p, was, waited, now, waits, inside, offset):  # type: ignore[no-untyped-def]
     """Which tracks are in path, into inside (T,) bool, and how far from its middle, offset (T,).
 
-    was (n, K) int64 : ids of the tracks that were, for the hysteresis; those that are go into `now` (n, K),
-    which is -1 before.
+    was (n, K) int64 : ids of the tracks that were where the path is, for the hysteresis, and for how many
+    steps, `waited`; those that are go into `now` (n, K), which is -1 before, and `waits`.
     """
     for t in range(tracks.owner.size):
         i = tracks.owner[t]
@@ -151,25 +153,31 @@ def in_path(tracks, motion, speed, yaw_rate, p, was, now, inside, offset):  # ty
             half = p.half_lane
             d = road_offset(x, y, 0.0, 0.0, bend, 0.0, p.road_reach)
         offset[t] = d
-        known = False
+        steps = 0
         for k in range(was.shape[1]):
-            known = known or was[i, k] == tracks.track_id[t]
+            if was[i, k] == tracks.track_id[t]:
+                steps = waited[i, k]
+        known = steps > 0
         doubt = 0.5 * p.doubt * x * x  # how far off a wrong curvature puts the lane there
-        aside = d - _between(d, _entered(motion, i, speed[i], p.entering) if seen else 0.0)
+        close = x <= p.guess_reach * speed[i]
+        aside = d - _between(d, _entered(motion, i, speed[i], p.entering) if seen and close else 0.0)
         inside[t] = abs(aside) <= (half + p.leave if known else half - p.enter) - doubt
         # Beside the front, at the edge of the view, positions are poor: an object there is being passed.
         inside[t] = inside[t] and (known or x - p.bumper >= p.entry)
         inside[t] = inside[t] and abs(y) <= p.body + p.slope * max(x - p.bumper, 0.0)
         if inside[t] and tracks.standing[t]:
-            reach = min(p.stationary_reach * speed[i], p.stationary_furthest)
-            inside[t] = abs(d) <= p.stationary - doubt and x <= reach
+            inside[t] = abs(d) <= p.stationary - doubt
         if inside[t] and not seen:
             inside[t] = x <= p.lost_reach * speed[i]
-        if inside[t]:
-            for k in range(now.shape[1]):
-                if now[i, k] == NONE:
-                    now[i, k] = tracks.track_id[t]
-                    break
+        if not inside[t]:
+            continue
+        for k in range(now.shape[1]):
+            if now[i, k] == NONE:
+                now[i, k], waits[i, k] = tracks.track_id[t], steps + 1
+                break
+        if tracks.standing[t]:  # a path that swings for a moment meets posts, far ahead
+            inside[t] = close or steps + 1 >= p.stationary_steps
+            inside[t] = inside[t] and x <= min(p.stationary_reach * speed[i], p.stationary_furthest)
 
 
 @kernel
@@ -257,5 +265,6 @@ def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: igno
 @kernel
 def warn(state, tracks, motion, speed, acceleration, yaw_rate, path, c, new, out, inside, offset):  # type: ignore[no-untyped-def]
     """`in_path`, then `step`: of n vehicles with tracks (Targets), by PathNumbers and CollisionNumbers."""
-    in_path(tracks, motion, speed, yaw_rate, path, state.inside, new.inside, inside, offset)
+    was, now = (state.inside, state.waited), (new.inside, new.waited)
+    in_path(tracks, motion, speed, yaw_rate, path, *was, *now, inside, offset)
     step(state, tracks, inside, speed, acceleration, c, new, out)

@@ -164,19 +164,16 @@ def test_a_lane_whose_bend_changes_as_no_road_s_does_counts_as_lost() -> None:
     limit = Collision().jerk_mps3 / V**3
     for rate in (0.98 * limit, -0.98 * limit):
         swing = rate * 60.0**3 / 6.0
-        _, path = Driver().step(
-            {"x_m": 60.0, "y_m": swing, "vx_mps": 0.0, "standing": 1}, curvature_rate_1pm2=rate
-        )
+        post = {"x_m": 60.0, "y_m": swing, "vx_mps": 0.0, "standing": 1}
+        _, path = Driver(stationary_steps=1).step(post, curvature_rate_1pm2=rate)
         assert path.offset_m[0] == pytest.approx(0.0, abs=0.05)
         assert path.inside[0]
         beyond = 1.02 / 0.98 * rate
-        _, path = Driver().step(
-            {"x_m": 60.0, "y_m": swing, "vx_mps": 0.0, "standing": 1}, curvature_rate_1pm2=beyond
-        )
+        _, path = Driver(stationary_steps=1).step(post, curvature_rate_1pm2=beyond)
         assert path.offset_m[0] == pytest.approx(swing)  # straight on, as it is steered
         assert not path.inside[0]
         slower = {"x_m": 60.0, "y_m": 1.02 / 0.98 * swing, "vx_mps": 0.0, "standing": 1}
-        _, path = Driver().step(slower, v=0.9 * V, curvature_rate_1pm2=beyond)
+        _, path = Driver(stationary_steps=1).step(slower, v=0.9 * V, curvature_rate_1pm2=beyond)
         assert path.inside[0]  # bends may be as tight where one drives as slowly
 
 
@@ -228,9 +225,23 @@ def test_what_is_passed_beside_the_front_or_never_moved_far_away_is_not_in_path(
     driver.step({"gap": 3.0})
     assert driver.step({"gap": 1.0})[1].inside[0]  # but what was in path stays
     post = {"gap": 80.0, "vx_mps": 0.0, "standing": 1}
-    assert Driver().step(post)[1].inside[0]
-    assert not Driver().step(post | {"y_m": 1.3})[1].inside[0]
-    assert not Driver().step(post | {"gap": 95.0})[1].inside[0]
+    at_once = {"stationary_steps": 1}
+    assert Driver(**at_once).step(post)[1].inside[0]
+    assert not Driver(**at_once).step(post | {"y_m": 1.3})[1].inside[0]
+    assert not Driver(**at_once).step(post | {"gap": 95.0})[1].inside[0]
+
+
+def test_what_never_moved_counts_once_it_has_been_in_the_path_for_some_steps_or_is_near() -> None:
+    """A path that swings for some steps meets posts beside the road: seed 697 of `highway`, complex light."""
+    far, near = ({"gap": gap, "vx_mps": 0.0, "standing": 1} for gap in (80.0, 55.0))
+    driver = Driver()
+    assert [driver.step(far)[1].inside[0] for _ in range(6)] == [False] * 4 + [True] * 2
+    assert not driver.step(far | {"y_m": 3.0})[1].inside[0]
+    assert not driver.step(far)[1].inside[0]  # from the beginning
+    assert Driver().step(near)[1].inside[0]
+    # the steps count from where it comes into the path, not from where it is near enough to be warned of
+    driver = Driver()
+    assert [driver.step(far | {"gap": gap})[1].inside[0] for gap in (100.0, 97.0, 94.0, 91.0, 88.0)][-1]
 
 
 def test_levels_lamps_buzzer_and_display() -> None:
