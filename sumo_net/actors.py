@@ -13,7 +13,10 @@ from sumo_net.settings import SettingsError
 
 
 def actor_lines(actors: Sequence[Actor], network: BuiltNetwork | Path, begin_s: float) -> list[str]:
-    """A <vehicle> each, by time; `begin_s` is SUMO's time when the recording begins. Raises SettingsError."""
+    """One <vehicle> per actor, by departure; `begin_s`: SUMO's time when recording begins.
+
+    Raises SettingsError.
+    """
     lines = []
     for actor in sorted(actors, key=lambda one: one.at_s):
         edges, along = (
@@ -30,14 +33,14 @@ def actor_lines(actors: Sequence[Actor], network: BuiltNetwork | Path, begin_s: 
 
 def _on_highway(actor: Actor, built: BuiltNetwork) -> tuple[tuple[str, ...], float]:
     if actor.edges:
-        raise SettingsError(f"actor '{actor.id}': edges: the built-in highway has a direction instead")
+        raise SettingsError(f"actor '{actor.id}': edges: not allowed on the built-in highway; set direction")
     if actor.lane >= built.highway.lanes:
-        raise SettingsError(f"actor '{actor.id}': lane = {actor.lane}: below {built.highway.lanes} here")
+        raise SettingsError(f"actor '{actor.id}': lane = {actor.lane}: must be below {built.highway.lanes}")
     way = next(way for way in built.carriageways if way.direction == actor.direction)
     ends = way.alignment.offset_length(way.start_m, built.highway.lane_offset_m(actor.lane))
     if not 5.0 <= actor.position_m < ends[-1] - 1.0:
         raise SettingsError(
-            f"actor '{actor.id}': position_m = {actor.position_m:g}: between 5 and {ends[-1] - 1.0:.0f} here"
+            f"actor '{actor.id}': position_m = {actor.position_m:g}: allowed are 5 to {ends[-1] - 1.0:.0f}"
         )
     edge = int(np.searchsorted(ends, actor.position_m, side="right")) - 1
     return way.edges[edge:], actor.position_m - float(ends[edge])
@@ -52,9 +55,11 @@ def _on_net(actor: Actor, net_file: Path) -> tuple[tuple[str, ...], float]:
             raise SettingsError(f"actor '{actor.id}': edges: {net_file.name} has no edge '{name}'")
     first = net.getEdge(actor.edges[0])
     if actor.lane >= first.getLaneNumber():
-        raise SettingsError(f"actor '{actor.id}': lane = {actor.lane}: below {first.getLaneNumber()} there")
+        raise SettingsError(
+            f"actor '{actor.id}': lane = {actor.lane}: must be below {first.getLaneNumber()} on that edge"
+        )
     if actor.position_m >= first.getLength():
         raise SettingsError(
-            f"actor '{actor.id}': position_m = {actor.position_m:g}: below {first.getLength():.1f} there"
+            f"actor '{actor.id}': position_m = {actor.position_m:g}: must be below {first.getLength():.1f}"
         )
     return actor.edges, actor.position_m

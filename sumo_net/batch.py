@@ -1,6 +1,6 @@
 """Batches: NamedTuples of arrays whose first axis is the fleet (or the tracks); they may nest.
 
-Numba takes them as one argument, a slice of one is a view, and vehicles come and go by `select` and `join`.
+Numba takes them as one argument; a slice of one is a view. `select` and `join` remove and add vehicles.
 """
 
 from typing import Any, TypeVar
@@ -11,12 +11,12 @@ B = TypeVar("B", bound=tuple[Any, ...])
 
 
 def select(batch: B, index: Any) -> B:
-    """The same batch for the vehicles that `index` (slice, integers or mask) names; a slice gives views."""
+    """The rows of a batch that `index` (slice, integers or mask) selects; a slice gives views."""
     return type(batch)(*[select(part, index) if isinstance(part, tuple) else part[index] for part in batch])
 
 
 def join(*batches: B) -> B:
-    """One batch after the other; of one alone, itself."""
+    """Concatenate batches along the first axis; a single one is returned as it is."""
     if len(batches) == 1:
         return batches[0]
     parts = zip(*batches, strict=True)

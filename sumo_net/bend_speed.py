@@ -1,7 +1,7 @@
-"""Equipped vehicles slow down for bends, which SUMO's do on junctions only.
+"""Equipped vehicles slow down for bends on edges, too; SUMO's own vehicles do so on junctions only.
 
-On junctions SUMO bounds the speed by the turn's radius; on the edges between them it knows none, and drives
-through a kink of the drawing at the speed limit. No car follows that: the equipped ones brake in time.
+On junctions SUMO limits the speed by the turn's radius. Between them it does not, and drives through a kink
+of a lane's shape at the speed limit, which no car can follow.
 """
 
 from typing import Any
@@ -28,7 +28,7 @@ class BendSpeed:
         self._influence = Influence(traffic)
 
     def step(self, truth: EgoTruth, table: RoadTable) -> None:
-        """Tell SUMO the speed of the next step for those who would be too fast."""
+        """Set SUMO's speed for the next step of vehicles that would be too fast."""
         speed = truth.speed_mps
         allowed = bend_speeds(table, truth.path, truth.station_m, speed, self._lateral, self._braking)
         for i in np.flatnonzero(speed > allowed - self._braking * STEP_S).tolist():

@@ -1,6 +1,6 @@
-"""Two ways to read what changes of all vehicles: values asked one by one, or sent by SUMO with each step.
+"""Two ways to read the changing values of all vehicles: getter calls, or subscriptions sent with each step.
 
-All is as SUMO has it. The acceleration of an equipped vehicle is asked for, that of the others nobody uses.
+Values are in SUMO's units and frames. Accelerations are read of equipped vehicles only.
 """
 
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 
 class Reader(NamedTuple):
-    """What is asked of vehicles by their names."""
+    """Functions that read values of vehicles by their names."""
 
     places: Callable[[list[str]], list[list[Any]]]  # position (x, y), angle, speed, lane, position along it
     acceleration: Callable[[str], float]  # SUMO's invalid value, or its exception, where there is none
@@ -18,18 +18,18 @@ _ASKED = ("Position", "Angle", "Speed", "LaneID", "LanePosition")
 
 
 def reader_of(simulation: Any, tc: Any) -> Reader:
-    """What suits the module libsumo, or traci or one of its connections. `tc` is traci.constants."""
+    """The reader for the module libsumo, or for traci or one of its connections. `tc` is traci.constants."""
     if getattr(simulation, "__name__", "") == "libsumo":
-        # None where a release has its extension module elsewhere
+        # None in releases that keep the extension module elsewhere
         return by_getters(simulation.vehicle, getattr(getattr(simulation, "libsumo", None), "_libsumo", None))
     return by_subscription(simulation.vehicle, tc)
 
 
 def by_getters(vehicle: Any, compiled: Any) -> Reader:
-    """For libsumo, where a value costs 0.15 µs and subscriptions cost more.
+    """For libsumo, where a getter costs 0.15 µs and a subscription more.
 
-    compiled: libsumo's extension module, whose functions are asked without the Python ones around them, which
-    cost as much again; None for those of `vehicle`.
+    compiled: libsumo's extension module; calling it directly saves the Python wrappers, which double the
+    cost. None: the getters of `vehicle` are used.
     """
 
     def getter(name: str) -> Any:
@@ -44,7 +44,7 @@ def by_getters(vehicle: Any, compiled: Any) -> Reader:
 
 
 def by_subscription(vehicle: Any, tc: Any) -> Reader:
-    """For traci, where each value asked for is a message to and fro. `tc` is traci.constants."""
+    """For traci, where each getter is a round trip over a socket. `tc` is traci.constants."""
     variables = (
         tc.VAR_POSITION,
         tc.VAR_ANGLE,
@@ -55,7 +55,7 @@ def by_subscription(vehicle: Any, tc: Any) -> Reader:
     )
 
     def values(name: str) -> Any:
-        # The answer to a subscription holds the values of now. SUMO adds it to what the user subscribed to.
+        # A new subscription is answered with the present values. SUMO adds it to the user's own.
         vehicle.subscribe(name, variables)
         return vehicle.getSubscriptionResults(name)
 
@@ -69,7 +69,7 @@ def by_subscription(vehicle: Any, tc: Any) -> Reader:
         return [[row[variable] for row in rows] for variable in variables[:-1]]
 
     def acceleration(name: str) -> float:
-        row = vehicle.getSubscriptionResults(name)  # no message
+        row = vehicle.getSubscriptionResults(name)  # already received
         return float(row.get(tc.VAR_ACCELERATION, tc.INVALID_DOUBLE_VALUE))
 
     return Reader(places, acceleration)

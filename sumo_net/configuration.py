@@ -1,8 +1,8 @@
-"""A user's SUMO configuration made ready for a run that writes nothing beside the user's files.
+"""Prepares a user's SUMO configuration for a run that writes only into the run's directory.
 
-SUMO itself reads the configuration and gives it back with full option names and absolute paths. Every option
-that names an output is then pointed into the run's directory, and so is every output that an additional file
-names (detectors, edge data), for which that file is copied with the names changed.
+SUMO itself reads the configuration and writes it out with full option names and absolute paths. Every option
+that names an output is then redirected into the run's directory. So is every output that an additional file
+names (detectors, edge data): that file is copied with the names changed.
 """
 
 import re
@@ -31,7 +31,7 @@ _OUTPUT_OPTIONS = (
 _DROPPED_OPTIONS = ("output-prefix", "save-configuration", "save-template", "save-schema", "remote-port")
 _INPUT_OPTIONS = ("net-file", "route-files", "additional-files", "weight-files", "load-state")
 
-# Elements of additional files that write, and the attribute that says where.
+# Elements of additional files that write a file, and the attribute that names it.
 _WRITING = {
     **dict.fromkeys(("e1Detector", "inductionLoop", "instantInductionLoop"), "file"),
     **dict.fromkeys(("e2Detector", "laneAreaDetector", "e3Detector", "entryExitDetector"), "file"),
@@ -39,9 +39,9 @@ _WRITING = {
     "calibrator": "output",
     "timedEvent": "dest",
 }
-# Of vehicles and vehicle types; the last of traffic lights, for their detectors.
+# <param> keys of vehicles and vehicle types; "file" also of traffic lights, for their detectors.
 _WRITING_PARAMETERS = ("device.ssm.file", "device.toc.file", "file")
-# Attributes that name a file to read, relative to the file that they stand in.
+# Attributes that name a file to read, relative to the file that contains them.
 _READING = {
     "include": "href",
     "rerouter": "file",
@@ -56,14 +56,14 @@ _MAY_WRITE = re.compile(
         [*(rf"<{tag}\b" for tag in _WRITING), "<include", *(rf"[\"']{p}[\"']" for p in _WRITING_PARAMETERS)]
     ).encode()
 )
-_PLAIN = re.compile(rb"(\xef\xbb\xbf)?\s*<")  # an encoding in which the tags stand as they are
+_PLAIN = re.compile(rb"(\xef\xbb\xbf)?\s*<")  # ASCII-compatible encoding: tags can be searched as bytes
 _DEEPEST_INCLUDE = 20
 _NOWHERE = re.compile(r"(?i)(nul|none|/dev/null|[\w.-]+:\d+)$")
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """A configuration that is ready: its file in the run's directory, and what a user should know of it."""
+    """A prepared configuration: its file in the run's directory, and notes for the user."""
 
     file: Path
     net_file: Path
@@ -72,10 +72,10 @@ class Configuration:
 
 
 def prepare_configuration(source: Path, directory: Path, overrides: Mapping[str, str]) -> Configuration:
-    """Write `directory`/run.sumocfg from the user's `source` with `overrides` (option, value) in place.
+    """Write `directory`/run.sumocfg from the user's `source`, with `overrides` (option: value) applied.
 
-    Raises SettingsError, with SUMO's own words where it does not understand the configuration, and where a
-    file that it names is missing.
+    Raises SettingsError where SUMO cannot read the configuration (with SUMO's message) or a file that it
+    names is missing.
     """
     directory.mkdir(parents=True, exist_ok=True)
     options = read_configuration(source, directory)
@@ -116,7 +116,7 @@ def prepare_configuration(source: Path, directory: Path, overrides: Mapping[str,
 
 def read_configuration(source: Path, directory: Path) -> dict[str, str]:
     """The options that a .sumocfg sets, with full names and absolute paths, as SUMO itself reads them."""
-    import sumo  # the wheel that brings the program
+    import sumo  # the wheel that contains the program
 
     if not source.is_file():
         raise SettingsError(f"{source}: no such file")
@@ -147,7 +147,7 @@ def seconds(text: str) -> float:
 def without_outputs(path: Path, directory: Path) -> str:
     """The path itself where an XML file names no output, else that of a copy with outputs in `directory`.
 
-    Raises SettingsError: not XML, XML entities, more than a GiB, includes without end.
+    Raises SettingsError: not XML, XML entities, more than 1 GiB, includes that recur or are too deep.
     """
     directory.mkdir(parents=True, exist_ok=True)
     return _Copies(directory.resolve()).without_outputs(path)
@@ -159,7 +159,7 @@ class _Copies:
     def __init__(self, directory: Path) -> None:
         self._directory = directory
         self._made = 0
-        self._within: list[Path] = []  # includes that are being followed
+        self._within: list[Path] = []  # the chain of includes being read
 
     def without_outputs(self, path: Path) -> str:
         """The path itself where the file names no output, else that of a changed copy."""
@@ -175,7 +175,7 @@ class _Copies:
             return str(path)
         try:
             root = ET.fromstring(text)
-        except (ET.ParseError, ValueError) as error:  # ValueError: an encoding of several bytes
+        except (ET.ParseError, ValueError) as error:  # ValueError: a multi-byte encoding
             raise SettingsError(f"{path}: is not valid XML: {error}") from None
         self._within.append(real)
         for element in root.iter():
@@ -221,7 +221,7 @@ def _same(one: str, other: str) -> bool:
 
 
 def _root(path: Path) -> None:
-    """Refuse XML entities, before SUMO sees the file."""
+    """Refuse XML entities before SUMO reads the file."""
     try:
         root_element(path)
     except (OSError, EOFError, zlib.error) as error:

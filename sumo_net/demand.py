@@ -1,7 +1,7 @@
-"""Who drives: vehicle types, drivers and flows, written as a SUMO route file.
+"""Traffic demand: vehicle types, drivers and flows, written as a SUMO route file.
 
-On the built-in highway the road is filled from the first step: vehicles stand in for those that would have
-entered before, at the spacing that the flow implies. Further ones enter at both ends at random times.
+The built-in highway is filled from the first step: vehicles are placed at the spacing that the flow implies,
+in place of those that would have entered before. Further ones enter at both ends at random times.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from sumo_net.settings import SettingsError, settings
 from sumo_net.xml_input import root_element
 
 _MOST_SINKS = 20  # destinations from one place in a user's network
-_ENTRY_M = 30.0  # nothing is placed this close to the beginning, where the flows enter
+_ENTRY_M = 30.0  # no vehicle is placed this close to the start, where the flows enter
 
 
 @settings
@@ -51,7 +51,7 @@ class Van(Car):
 
 @settings
 class Truck(Car):
-    """Lorries: they keep to the right lane and to 80 km/h or a little more."""
+    """Trucks: they keep to the right lane and drive about 80 km/h."""
 
     share: float = Field(0.12, ge=0, le=1, description="share of all vehicles")
     length_m: float = Field(14.0, gt=1, le=30)
@@ -117,7 +117,7 @@ def write_highway_demand(
 ) -> None:
     """Write the route file for the built-in highway: both directions, from time 0 to `end_s`.
 
-    `placed`: further vehicles as they are to stand in the file, by time of departure.
+    `placed`: lines of further vehicles, ordered by time of departure.
     """
     lines = _types(demand, built.highway.lanes)
     flows = [demand.flow_per_lane_vph, demand.backward_flow_per_lane_vph]
@@ -140,9 +140,10 @@ def write_highway_demand(
 def write_network_demand(
     demand: Demand, net_file: Path, end_s: float, seed: int, path: Path, placed: Sequence[str] = ()
 ) -> None:
-    """Write a route file for any network: from the edges where it begins to those where it ends.
+    """Write a route file for any network: flows from each edge without a predecessor to those without a
+    successor.
 
-    Raises SettingsError for a file that is no network, or has no lane for cars.
+    Raises SettingsError for a file that is not a network or has no lane for cars.
     """
     net = read_net(net_file)
     edges = [edge for edge in net.getEdges() if edge.allows("passenger")]
@@ -150,7 +151,7 @@ def write_network_demand(
         raise SettingsError(f"{net_file}: has no lane for passenger cars")
     sources = [edge for edge in edges if not _leads(edge.getIncoming(), edge)]
     sinks = [edge for edge in edges if not _leads(edge.getOutgoing(), edge)]
-    if not sources or not sinks:  # a closed network: a few places anywhere in it
+    if not sources or not sinks:  # a closed network: a few edges drawn at random
         draw = generator(seed, "", "demand")
         some = draw.choice(len(edges), size=min(12, len(edges)), replace=False)
         sources = sources or [edges[i] for i in some]
@@ -163,7 +164,7 @@ def write_network_demand(
             draw = generator(seed, source.getID(), "demand")
             ends = [ends[i] for i in sorted(draw.choice(len(ends), size=_MOST_SINKS, replace=False))]
         if not ends and source in sinks:
-            ends = [source]  # an edge that stands alone
+            ends = [source]  # an isolated edge
         vph = demand.flow_per_lane_vph * source.getLaneNumber() / max(len(ends), 1)
         for sink in ends if vph > 0 else []:
             number += 1
@@ -176,13 +177,13 @@ def write_network_demand(
 
 
 def read_net(net_file: Path) -> Any:
-    """The network as sumolib reads it. Raises SettingsError where it cannot, or where it has no lane."""
+    """The network, read by sumolib. Raises SettingsError where that fails or the network has no lane."""
     import sumolib
 
     if not net_file.is_file():
         raise SettingsError(f"{net_file}: no such file")
     try:
-        root_element(net_file)  # no entities
+        root_element(net_file)  # refuses XML entities
         net = sumolib.net.readNet(str(net_file))
         lanes = sum(edge.getLaneNumber() for edge in net.getEdges())
     except SettingsError:
@@ -195,9 +196,9 @@ def read_net(net_file: Path) -> Any:
 
 
 def _types(demand: Demand, lanes: int) -> list[str]:
-    """The vehicle types, and what goes on the right lane and on the others.
+    """The vehicle types, and their distributions on the right lane and on the others.
 
-    The lorries of all lanes are on the right one, as far as it has room for them.
+    The trucks of all lanes drive on the right one, as far as it has room for them.
     """
     truck_right = min(1.0, demand.truck.share * lanes)
     rest = 1.0 - truck_right
@@ -236,9 +237,9 @@ def _lane_type(lane: int) -> str:
 
 
 def _standing_in(way: Carriageway, built: BuiltNetwork, vph: float, seed: int) -> list[str]:
-    """Vehicles on the road at time 0, from 0.7 to 1.3 times the mean spacing apart.
+    """Vehicles on the road at time 0, spaced by 0.7 to 1.3 times the mean spacing.
 
-    The foremost comes first: SUMO then finds for each a speed that suits the one ahead of it.
+    The foremost comes first, so that SUMO can give each a speed that suits the vehicle ahead.
     """
     lines: list[str] = []
     for lane in range(built.highway.lanes if vph > 0 else 0):
@@ -252,7 +253,7 @@ def _standing_in(way: Carriageway, built: BuiltNetwork, vph: float, seed: int) -
             if position < _ENTRY_M:
                 break
             edge = int(np.searchsorted(ends, position)) - 1
-            # Off the very ends of an edge: SUMO's lane may be a little shorter.
+            # Not at the very ends of an edge: SUMO's lane may be slightly shorter.
             along = min(max(position - float(ends[edge]), 0.5), float(ends[edge + 1] - ends[edge]) - 0.5)
             lines.append(
                 f'<vehicle id="{way.direction}_{lane}_standing_in_{len(lines):03d}" type="{_lane_type(lane)}"'
@@ -263,7 +264,7 @@ def _standing_in(way: Carriageway, built: BuiltNetwork, vph: float, seed: int) -
 
 
 def _leads(connections: dict[Any, Any], edge: Any) -> bool:
-    """Whether cars get to (or from) this edge, other than by turning around."""
+    """Whether cars can enter (or leave) this edge other than by a U-turn."""
     for other in connections:
         back = other.getFromNode() is edge.getToNode() and other.getToNode() is edge.getFromNode()
         if other is not edge and not back and other.allows("passenger"):

@@ -1,9 +1,9 @@
-"""The lateral driver: who sits in an equipped vehicle, and what the driver's mind is at.
+"""The lateral driver model of an equipped vehicle: traits drawn once per driver, and the present state.
 
-A driver keeps the lane with a second-order feedback on offset and course and a curvature feed-forward,
-disturbed by an Ornstein-Uhlenbeck error of the steer whose strength is set by the standard deviation of
-lateral position (SDLP) that it makes. Glances away (distraction) and microsleeps freeze the steering. A lane
-change of SUMO's is followed along a smooth profile. The kernels are in `driver_kernels`.
+A driver keeps the lane by second-order feedback of lateral offset and heading error, and by a feed-forward
+of curvature. The steering is disturbed by Ornstein-Uhlenbeck noise, scaled to the driver's standard deviation
+of lateral position (SDLP). Glances away (distraction) and microsleeps freeze the steering. Lane changes that
+SUMO makes are followed along a smooth profile. The kernels are in `driver_kernels`.
 """
 
 import math
@@ -52,7 +52,7 @@ class Driver:
         2.5,
         ge=0,
         le=4,
-        description="in city turns (R < 25 m) bandwidth and correction grow by this factor + 1",
+        description="in tight turns (R < 25 m) bandwidth and correction are multiplied by 1 + this",
     )
     jitter_sd_rad: float = Field(
         3.3e-4,
@@ -142,7 +142,7 @@ class Driver:
 
 
 class Traits(NamedTuple):
-    """What each of n drivers is like, for life."""
+    """Constant traits of n drivers."""
 
     offset_m: Array  # (n,) mean lateral position
     sd_m: Array  # (n,) SDLP
@@ -156,11 +156,11 @@ class Traits(NamedTuple):
 
 
 class Mind(NamedTuple):
-    """What each of n drivers is doing now."""
+    """Present state of n drivers."""
 
-    noise: Array  # (n,) the disturbance, standard normal
-    unrest: Array  # (n,) noise that the jitter is the quick part of, standard normal
-    calm: Array  # (n,) its slow part
+    noise: Array  # (n,) the slow disturbance, standard normal
+    unrest: Array  # (n,) noise whose high-pass part is the jitter, standard normal
+    calm: Array  # (n,) the low-pass part of `unrest`
     cause: Array  # (n,) int8, LANE_KEEPING ... UNSIGNALLED_CHANGE; held until the driver has recovered
     episode_left_s: Array  # (n,) positive while the steering is frozen
     recovery_left_s: Array  # (n,) positive while a past episode is still the cause of what happens
@@ -174,24 +174,24 @@ class Mind(NamedTuple):
     change_elapsed_s: Array  # (n,) time since,
     change_duration_s: Array  # (n,) and duration
     signal: Array  # (n,) int8 turn signal, +1 left
-    veer_from_m: Array  # (n,) a commanded veering: the line left,
+    veer_from_m: Array  # (n,) a scripted drift: the line it leaves,
     veer_rate_mps: Array  # (n,)   its rate, left positive,
-    veer_ramp_s: Array  # (n,)     the time in which that is reached,
-    veer_elapsed_s: Array  # (n,)  time since the beginning
-    veer_left_s: Array  # (n,)     and to the end; 0: none
+    veer_ramp_s: Array  # (n,)     the time in which the rate is reached,
+    veer_elapsed_s: Array  # (n,)  time since its beginning
+    veer_left_s: Array  # (n,)     and until its end; 0: no drift
     steps: Array  # (n,) int64 counter of noise draws
     events: Array  # (n,) int64 counter of event draws
 
 
 class DriverNumbers(NamedTuple):
-    """A Driver as kernels take it."""
+    """The parameters of a Driver, as kernels take them."""
 
     bandwidth: float
     damping: float
     tight_gain: float
     noise_time: float
     jitter_gain: float  # rad, of unrest minus its slow part
-    jitter_keep: float  # of both from step to step
+    jitter_keep: float  # decay factor of both per step
     steer_lag: float
     steer_rate_most: float
     steer_most: float
@@ -212,12 +212,12 @@ class DriverNumbers(NamedTuple):
     understeer: float  # K_u / L
     wheelbase: float
     noise_scale: Array  # (16,) disturbance in m/s² per metre of SDLP at 0, 4, … 60 m/s
-    jitter_lateral: Array  # (16,) SDLP in m that the jitter makes by itself
-    preview: Array  # (16,) s ahead at which the driver reads curvature and the wanted line
+    jitter_lateral: Array  # (16,) SDLP in m due to the jitter alone
+    preview: Array  # (16,) s, preview time at which the driver reads curvature and desired line
 
 
 def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
-    """The kernel's view of a population of drivers in a vehicle."""
+    """Kernel parameters of a population of drivers in a vehicle. Raises ValueError as `lateral_sds`."""
     speeds = np.arange(_TABLE_SPEEDS) * TABLE_SPEED_STEP_MPS
     keep = math.exp(-STEP_S / driver.jitter_time_s)
     parts = [lateral_sds(driver, vehicle, max(float(v), driver.slow_mps)) for v in speeds]
@@ -255,11 +255,11 @@ def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
 
 
 def lateral_sds(driver: Driver, vehicle: Vehicle, speed_mps: float) -> tuple[float, float]:
-    """SDLP in m that a disturbance of 1 m/s², and that jitter of 1 rad makes (standard deviations).
+    """SDLP in m due to a disturbance of 1 m/s², and due to jitter of 1 rad (standard deviations).
 
     From the Lyapunov equation of the closed loop, state (v_y, γ, d, e, δ, n, m): the vehicle, its offset and
-    heading, the steer, a disturbance or jitter, and the slow part of the latter. Raises ValueError where the
-    loop of driver and vehicle is not stable.
+    heading error, the steer, a disturbance or jitter, and the slow part of the latter. Raises ValueError
+    where the closed loop of driver and vehicle is unstable.
     """
     v, w, T = speed_mps, driver.bandwidth_rps, driver.steer_lag_s
     F = np.zeros((7, 7))
@@ -278,7 +278,7 @@ def lateral_sds(driver: Driver, vehicle: Vehicle, speed_mps: float) -> tuple[flo
         )
     slow, quick = F.copy(), F.copy()
     slow[4, 5] = steer
-    quick[:2, 5:] = math.sqrt(2.0) * B @ np.array([[1.0, -1.0]])  # half of the variance is quick
+    quick[:2, 5:] = math.sqrt(2.0) * B @ np.array([[1.0, -1.0]])  # the fast part has half of the variance
     quick[5, 5] = quick[6, 6] = -1.0 / driver.jitter_time_s
     quick[6, 5] = 1.0 / driver.jitter_time_s
     Q = np.zeros((7, 7))
@@ -297,9 +297,9 @@ def quick_sd(keep: float) -> float:
 
 
 def response_delay(vehicle: Vehicle, speed_mps: float) -> float:
-    """Seconds by which lateral acceleration follows a slowly varying steer: −d/ds ln G(s) at s = 0.
+    """Delay in s of lateral acceleration behind a slowly varying steer: −d/ds ln G(s) at s = 0.
 
-    A driver who looks so far ahead (plus the lag of arm and wheel) neither cuts a bend nor runs wide of it.
+    A driver whose preview is this plus the lag of arms and steering neither cuts bends nor runs wide.
     """
     A, B = single_track(vehicle, speed_mps)
     C = A[0] + np.array([0.0, speed_mps])  # a_y = v̇_y + v γ
@@ -310,7 +310,7 @@ def response_delay(vehicle: Vehicle, speed_mps: float) -> float:
 def traits(driver: Driver, vehicle: Vehicle, seed: int, vehicle_ids: Sequence[str], width_m: Array) -> Traits:
     """Draw the drivers of n vehicles, each from (seed, vehicle id) alone.
 
-    `width_m` (n,) is the body's width; the wheels' outer edges stand in from it as they do for a 1.8 m car.
+    `width_m` (n,): body widths. The wheels' outer span is in proportion to it, as for a car of CAR_WIDTH_M.
     """
     rows = [_traits_of(driver, seed, vehicle_id) for vehicle_id in vehicle_ids]
     columns = list(zip(*rows, strict=True)) if rows else [()] * 6
@@ -328,7 +328,7 @@ def traits(driver: Driver, vehicle: Vehicle, seed: int, vehicle_ids: Sequence[st
     )
 
 
-CAR_WIDTH_M = 1.8  # SUMO's passenger car, to which Vehicle.wheel_span_m belongs
+CAR_WIDTH_M = 1.8  # of SUMO's passenger car, for which Vehicle.wheel_span_m holds
 
 
 def _traits_of(driver: Driver, seed: int, vehicle_id: str) -> tuple[float, ...]:
@@ -354,7 +354,7 @@ def _traits_of(driver: Driver, seed: int, vehicle_id: str) -> tuple[float, ...]:
 
 
 def attentive(traits: Traits) -> Mind:
-    """n drivers at the beginning: on their line, undisturbed, the first episodes not yet drawn (NaN)."""
+    """Initial state of n drivers: on their line, undisturbed; times of first episodes not drawn (NaN)."""
     n = len(traits.offset_m)
 
     def zeros() -> Array:

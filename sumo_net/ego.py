@@ -1,11 +1,11 @@
-"""The lateral truth of all equipped vehicles: SUMO moves them along the road, this moves them across it.
+"""True lateral motion of the equipped vehicles: SUMO moves them along the road, this module across it.
 
 Each 0.1 s, `Ego.step` takes SUMO's snapshot, integrates driver and single-track model over the step that
-SUMO has just made (10 substeps of 0.01 s), and returns the truth. Where SUMO changes a vehicle's lane, or it
-drives on to the next one, its world pose is carried over to the new path; nothing jumps.
+SUMO has just made (10 substeps of 0.01 s), and returns the truth. When a vehicle changes lanes or drives on
+to the next one, its world pose is carried over to the new path without a jump.
 
-All vehicles have the one `Vehicle`'s dynamics, trucks and motorcycles too; only the distance between the
-wheels follows SUMO's width.
+All vehicles have the dynamics of the same `Vehicle`, trucks and motorcycles too; only the distance between
+the wheels follows SUMO's width.
 """
 
 from collections.abc import Mapping, Sequence
@@ -54,38 +54,38 @@ class EgoTruth(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where n equipped vehicles are, as they are carried from step to step."""
+    """Motion state of n equipped vehicles, carried from step to step."""
 
     handle: Array  # (n,) int64
     lane: Array  # (n,) int32, SUMO's
     path: Array  # (n,) int32
     station_m: Array  # (n,)
-    along_mps: Array  # (n,) speed of the foot on the path
-    offset_m: Array  # (n,) d
-    heading_rad: Array  # (n,) e
+    along_mps: Array  # (n,) ds/dt
+    offset_m: Array  # (n,) d, left of the path
+    heading_rad: Array  # (n,) e, relative to the path
     lateral_speed_mps: Array  # (n,)
     yaw_rate_rps: Array  # (n,)
     steer_rad: Array  # (n,)
-    lane_position_m: Array  # (n,) SUMO's; NaN where it counted along another lane, or there was none
+    lane_position_m: Array  # (n,) SUMO's; NaN after a change of lane and for new vehicles
 
 
 class Drive(NamedTuple):
-    """What the road and SUMO say about the step that is integrated, before and after it."""
+    """Inputs from the road and SUMO for the step that is integrated, at its beginning and end."""
 
     distance_m: Array  # (n,) along the path
     speed_before_mps: Array  # (n,) along the path
     speed_after_mps: Array
     curvature_before_1pm: Array  # (n,) at the centre of gravity
     curvature_after_1pm: Array
-    preview_before_1pm: Array  # (n,) where the driver looks
+    preview_before_1pm: Array  # (n,) curvature at the driver's preview distance
     preview_after_1pm: Array
-    curvature_sight_1pm: Array  # (n,) as far as the driver minds, SIGHT_S
+    curvature_sight_1pm: Array  # (n,) SIGHT_S ahead
     half_lane_m: Array  # (n,)
     alerted: Array  # (n,) bool
 
 
 class Fleet(Protocol):
-    """What Ego asks of the traffic (sumo_net.traffic.Traffic has it)."""
+    """What Ego needs from the traffic; sumo_net.traffic.Traffic has it."""
 
     lane_ids: list[str]
 
@@ -108,9 +108,9 @@ class Ego:
         vehicle: Vehicle | None = None,
         offsets_m: Mapping[str, float] | None = None,
     ) -> None:
-        """`roads` is a RoadNetwork; `seed` with the vehicle's id fixes all of a driver's randomness.
+        """`roads` is a RoadNetwork; `seed` and a vehicle's id determine all random draws of its driver.
 
-        `offsets_m`: lines of drivers by their vehicles' ids, where they are not to be drawn.
+        `offsets_m`: mean lateral positions by vehicle id, for drivers whose position is not drawn.
         """
         self._roads = roads
         self._fleet = fleet
@@ -128,9 +128,9 @@ class Ego:
         """Move the equipped vehicles over the 0.1 s that led to this snapshot.
 
         `equipped` is a mask (N,) or the rows of the snapshot's equipped vehicles; those on no lane are left
-        out. `alerted` are the handles of vehicles whose driver hears a warning now: an episode ends after the
-        driver's reaction time. A vehicle that is new, or has been moved by more than 5 m (teleport,
-        parking, re-insertion), begins on its lane's centre plus its driver's offset.
+        out. `alerted`: handles of vehicles whose driver is being warned; an episode then ends after the
+        driver's reaction time. A vehicle that is new, or has been moved by more than 5 m (teleport, parking,
+        re-insertion), starts at its driver's offset from the lane's centre.
         """
         rows = np.flatnonzero(equipped) if equipped.dtype == np.bool_ else np.sort(equipped)
         now = select(snapshot, rows[snapshot.lane[rows] >= 0])
@@ -160,7 +160,7 @@ class Ego:
         return self._truth(table)
 
     def front_lateral_m(self) -> Array:
-        """Offset (n,) of the front bumper's centre from SUMO's lane, to be written back, in truth's order."""
+        """Offset (n,) of the front bumper's centre from SUMO's lane, for Traffic.write_lateral."""
         return front_laterals(self._motion, self._roads.table, self._vehicle.bumper_m)
 
     def half_span_m(self) -> Array:
@@ -168,21 +168,21 @@ class Ego:
         return self._traits.half_span_m
 
     def veer(self, handle: int, rate_mps: float, ramp_s: float, for_s: float) -> None:
-        """From the next step on the driver, whose mind is elsewhere, drifts off: left positive, for `for_s`.
+        """Let a distracted driver drift off from the next step on, at `rate_mps` (left positive) for `for_s`.
 
-        The drift grows smoothly to its rate within `ramp_s`; at the end the driver steers back. Raises
-        KeyError for a vehicle that is not equipped.
+        The rate is reached smoothly within `ramp_s`; at the end the driver steers back. Raises KeyError for a
+        vehicle that is not equipped.
         """
         i, mind = self._row(handle), self._mind
         mind.veer_from_m[i] = reference(mind, self._traits, i)[0]
         mind.veer_rate_mps[i], mind.veer_ramp_s[i] = rate_mps, ramp_s
-        # steering takes `preview` to act: the line waits for it, or the drift would overshoot later
+        # steering takes effect after `preview` seconds: starting at once, the drift would overshoot
         preview = at_speed(self._numbers.preview, self._motion.along_mps[i])
         mind.veer_elapsed_s[i], mind.veer_left_s[i] = -preview, for_s + preview
         mind.cause[i], mind.signal[i] = DISTRACTION, 0
 
     def next_change(self, handle: int, signal: bool, over_s: float | None) -> None:
-        """How the driver makes lane changes from now on: with the turn signal or without, within `over_s`.
+        """Set whether the driver signals lane changes from now on, and their duration (None: unchanged).
 
         Raises KeyError for a vehicle that is not equipped.
         """
@@ -192,7 +192,7 @@ class Ego:
             self._traits.change_s[i] = over_s
 
     def drives(self, handle: int) -> bool:
-        """Whether a vehicle is one of the equipped that are on the road."""
+        """Whether a vehicle is equipped and on the road."""
         return bool(np.isin(handle, self._motion.handle))
 
     def _row(self, handle: int) -> int:
@@ -262,10 +262,10 @@ class Ego:
 
 
 def as_driven(snapshot: Snapshot, truth: EgoTruth, bumper_m: float) -> Snapshot:
-    """The snapshot with the equipped vehicles where they drive, for what is seen of them.
+    """The snapshot with the equipped vehicles at their true poses, as other vehicles see them.
 
-    SUMO has them as they were written back a step ago, along the lane, and in the new lane's middle for the
-    step in which it changes lanes.
+    SUMO has the lateral position of the previous step and the lane's direction; in the step in which it
+    changes lanes, it has them in the middle of the new one.
     """
     rows = np.searchsorted(snapshot.handle, truth.handle)
     x, y, heading = snapshot.x_m.copy(), snapshot.y_m.copy(), snapshot.heading_rad.copy()
@@ -277,7 +277,7 @@ def as_driven(snapshot: Snapshot, truth: EgoTruth, bumper_m: float) -> Snapshot:
 
 
 def standing(handle: Array) -> Motion:
-    """Motion of vehicles that have no place yet (lane −1): the next step puts them on their lane."""
+    """Motion of vehicles without a position yet (lane −1); the next step places them on their lane."""
     n = len(handle)
     return Motion(
         handle,
@@ -293,5 +293,5 @@ def _no_drive(n: int) -> Drive:
 
 
 def _own(batch: B) -> B:
-    # A copy, for kernels that write in place.
+    # A copy: kernels write in place.
     return type(batch)(*(part.copy() for part in batch))

@@ -1,4 +1,4 @@
-"""Which vehicles carry the assistance: a share of them, named ones, or those whose SUMO type asks for it.
+"""Which vehicles are equipped: a share of them, named ones, or those whose SUMO type requests it.
 
 The draw of a vehicle depends on (seed, vehicle id) only, so adding one vehicle changes no other.
 """
@@ -12,7 +12,7 @@ from sumo_net.traffic import Traffic
 TYPE_PARAMETERS = ("adas.equipped", "has.adas.device")
 VEHICLE_PARAMETER = "adas.equipped"  # 'has.adas.device' always reads 'false' on a vehicle
 
-# Light road vehicles, the ones that the model of the car stands for; 'ignoring' is SUMO's class for "any".
+# Light road vehicles, which the car's dynamics represent; 'ignoring' is SUMO's class without restrictions.
 LIGHT_CLASSES = (
     "passenger",
     "private",
@@ -53,7 +53,7 @@ class Equipment:
 
 
 class EquipmentChoice:
-    """Answers for each vehicle whether it is equipped; asks SUMO once a type."""
+    """Decides for each vehicle whether it is equipped; reads each type's parameters once."""
 
     def __init__(self, equipment: Equipment, seed: int) -> None:
         self.equipment = equipment
@@ -82,7 +82,7 @@ class EquipmentChoice:
 
 
 def requested_by_type(traffic: Traffic, type_id: str) -> bool | None:
-    """What the parameters of a vehicle type ask for; None where it has none of them."""
+    """What the parameters of a vehicle type request; None where it has none of them."""
     for key in TYPE_PARAMETERS:
         text = traffic.type_parameter(type_id, key)
         if text:
@@ -93,7 +93,7 @@ def requested_by_type(traffic: Traffic, type_id: str) -> bool | None:
 def is_equipped(
     equipment: Equipment, seed: int, vehicle_id: str, vehicle_class: str, asked: bool | None = None
 ) -> bool:
-    """Whether a vehicle is equipped; `asked` is what its type or its own parameter says, None for nothing."""
+    """Whether a vehicle is equipped; `asked`: what its own or its type's parameter says, None if absent."""
     if vehicle_id in equipment.ids:
         return True
     if asked is not None:

@@ -1,7 +1,7 @@
 """The built-in highway: its settings, and its exact geometry.
 
-The alignment is the line in the middle of the median: straights, circular arcs, and clothoids (curvature
-linear along the line) between them. Everything else, carriageways, lanes and borders, runs parallel to it.
+The alignment is the centre line of the median: straights, circular arcs, and clothoids (curvature linear
+along the line) between them. Carriageways, lanes and borders run parallel to it.
 """
 
 import itertools
@@ -21,8 +21,8 @@ Array = np.ndarray[Any, Any]
 
 @settings
 class Element:
-    """A piece of the alignment. A clothoid's curvature runs from that of the element before it (0 if none) to
-    that of the element after it.
+    """An element of the alignment. A clothoid's curvature changes from that of the element before it (0 if
+    none) to that of the element after it.
     """
 
     kind: Literal["straight", "clothoid", "arc"] = Field(description="shape: straight, clothoid or arc")
@@ -35,12 +35,12 @@ class Element:
         if (self.radius_m is not None) != (self.kind == "arc"):
             raise ValueError(f"radius_m = {self.radius_m}: an arc needs one, a {self.kind} has none")
         if self.radius_m is not None and abs(self.radius_m) < 30.0:
-            raise ValueError(f"radius_m = {self.radius_m}: at least 30 m to either side")
+            raise ValueError(f"radius_m = {self.radius_m}: must be at least 30 m, left or right")
         return self
 
     @property
     def curvature_1pm(self) -> float:
-        """Of a straight or an arc; a clothoid has no single one."""
+        """Curvature of a straight or an arc; not defined for a clothoid."""
         return 0.0 if self.radius_m is None else 1.0 / self.radius_m
 
 
@@ -103,12 +103,12 @@ class Highway:
         tightest = min((abs(e.radius_m) for e in self.elements if e.radius_m), default=math.inf)
         if half > 0.8 * tightest:
             raise ValueError(
-                f"radius_m = {tightest}: too tight for a carriageway that reaches {half:.1f} m out"
+                f"radius_m = {tightest}: too tight for a carriageway that extends {half:.1f} m to the side"
             )
         return self
 
     def lane_offset_m(self, lane: int) -> float:
-        """Centre of a lane (0 rightmost) left of the alignment, driven in the lane's direction: negative."""
+        """Offset of a lane's centre (0 rightmost) from the alignment in the lane's direction: negative."""
         return -(self.median_m / 2.0 + (self.lanes - lane - 0.5) * self.lane_width_m)
 
 
@@ -129,7 +129,7 @@ class Alignment:
         return float(self.start_m[-1])
 
     def pose_at(self, station_m: Array) -> tuple[Array, Array, Array, Array]:
-        """(x, y, heading, curvature) at stations of any shape; straight on beyond the ends."""
+        """(x, y, heading, curvature) at stations of any shape; straight beyond the ends."""
         s = np.asarray(station_m, dtype=float)
         i = np.clip(np.searchsorted(self.start_m, s, side="right") - 1, 0, len(self.rate_1pm2) - 1)
         inside = np.clip(s, 0.0, self.length_m)
@@ -196,7 +196,7 @@ def alignment(elements: tuple[Element, ...]) -> Alignment:
 
 
 def _walk(k: Array, c: Array, u: Array) -> Array:
-    # ∫₀ᵘ exp(i (k t + c t²/2)) dt as a complex number: straight, arc, or clothoid by Fresnel integrals.
+    # ∫₀ᵘ exp(i (k t + c t²/2)) dt: straight, arc, or clothoid by Fresnel integrals.
     k, c, u = np.broadcast_arrays(k, c, u)
     out = u.astype(complex)
     arc = (c == 0.0) & (k != 0.0)

@@ -1,7 +1,7 @@
-"""What makes traffic come near collisions: leaders that brake hard, cut-ins, drivers who look away.
+"""Causes of near-collisions: leaders that brake hard, cut-ins, followers who look away.
 
-SUMO's vehicles as such hardly ever come near one another: each is told what to do through SUMO's own
-interface, and drives again as before afterwards. All draws depend on the seed and the vehicle's id alone.
+SUMO's car-following alone hardly ever leads to one. Vehicles are influenced through SUMO's own interface and
+drive as before afterwards. All draws depend on the seed and the vehicle's id alone.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ Array = np.ndarray[Any, Any]
 
 STEP_S = 0.1
 KINDS = "braking", "cut-in"
-_CUT_IN_S = 3.0  # for so long it stays on the lane it has cut into
+_CUT_IN_S = 3.0  # how long the vehicle stays on the lane it has cut into
 
 
 @settings
@@ -68,12 +68,12 @@ class IncidentMaker:
         self._options, self._traffic, self._seed = options, traffic, seed
         self._influence = Influence(traffic)
         self._keys = {kind: np.zeros(0, np.uint64) for kind in KINDS}  # by handle
-        self._away: dict[int, tuple[float, float]] = {}  # follower: until when, his own reaction time
+        self._away: dict[int, tuple[float, float]] = {}  # follower: until when, its reaction time before
         self._cutting_in: dict[int, tuple[float, int]] = {}  # until when, lane-change mode before
         self._steps = 0
 
     def step(self, snapshot: Snapshot) -> None:
-        """Let some of the vehicles of this snapshot begin something, and end what is over."""
+        """Start incidents of vehicles of this snapshot, and end those whose time is over."""
         self._steps += 1
         time = self._traffic.time_s
         for handle in [h for h, (until, _) in self._away.items() if time >= until]:
@@ -87,7 +87,7 @@ class IncidentMaker:
             self._cut_in(snapshot, i, draws, time)
 
     def look_ahead(self, handles: Array, reaction_s: float) -> None:
-        """Drivers of these vehicles who look away look ahead again `reaction_s` from now at the latest."""
+        """Let drivers of these vehicles who look away look ahead again after at most `reaction_s`."""
         time = self._traffic.time_s
         for handle in handles.tolist():
             if handle in self._away:
@@ -129,7 +129,7 @@ class IncidentMaker:
                 self._influence.set_reaction_s(follower, away)
 
     def _cut_in(self, snapshot: Snapshot, i: int, draws: _Draws, time: float) -> None:
-        """Move over in front of the neighbour whose time gap would be as drawn, on either side."""
+        """Change lanes in front of a faster neighbour, on either side, within at most the drawn time gap."""
         o = self._options
         wanted = o.cut_in_least_s + draws.strength * (o.cut_in_most_s - o.cut_in_least_s)
         handle = int(snapshot.handle[i])

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from sumo_net.lane_graph import Connection, LaneGraph
 
-BEHIND_M = 100.0  # so that the fit is settled 60 m behind the lane
+BEHIND_M = 100.0  # the fit's end effects have faded 60 m behind the lane
 AHEAD_M = 260.0  # and 220 m beyond it
 _MOST_LANES = 1000
 
@@ -37,7 +37,7 @@ def chain(
 
 
 def lanes_behind(graph: LaneGraph, lane: str, came_from: str = "") -> list[str]:
-    """Lanes that lead to `lane`, in driving order, BEHIND_M or more where the road has them.
+    """Lanes that lead to `lane`, in driving order, over BEHIND_M or more where the road is long enough.
 
     `came_from`: the lane the vehicle was on before. Without it, the vehicle begins here and has turned round
     no corner: only ways that lead straight on, and in a junction the one that it stands on.
@@ -57,16 +57,16 @@ def lanes_behind(graph: LaneGraph, lane: str, came_from: str = "") -> list[str]:
 
 
 def _strangeness(graph: LaneGraph, connection: Connection, came_from: str) -> tuple[bool, bool]:
-    # Ties fall to the straightest, for the graph sorts them so.
+    # Ties go to the straightest connection: the graph sorts them so.
     source = connection.source
     before = [source, *(c.source for c in graph.inward.get(source, []))]
     return came_from not in before, not graph.lanes[source].drivable
 
 
 def lanes_ahead(graph: LaneGraph, lane: str, route_ahead: tuple[str, ...]) -> list[str]:
-    """Lanes that follow `lane` along the route's edges, AHEAD_M or more where the road goes on.
+    """Lanes that follow `lane` along the route's edges, over AHEAD_M or more where the road goes on.
 
-    After the route, or where the lane does not lead to its next edge, the straightest way on.
+    After the route's end, or where the lane does not lead to its next edge, the straightest way on is taken.
     """
     found: list[str] = []
     length, at = 0.0, lane
@@ -80,7 +80,7 @@ def lanes_ahead(graph: LaneGraph, lane: str, route_ahead: tuple[str, ...]) -> li
         onward = [c for c in graph.onward.get(at, []) if graph.lanes[c.target].drivable]
         if not onward:
             break
-        # In a junction the route may still begin with the edge before it.
+        # On a junction the route may still begin with the edge before it.
         targets = {graph.lanes[c.target].edge for c in onward}
         if graph.lanes[at].internal and len(edges) > 1 and edges[0] not in targets and edges[1] in targets:
             edges = edges[1:]

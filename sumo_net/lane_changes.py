@@ -1,7 +1,7 @@
-"""Lane changes of vehicles that are not equipped: SUMO makes them in one step, here they take seconds.
+"""Lane changes of unequipped vehicles: SUMO makes them in one step; to the sensors they take seconds.
 
-What the sensors see is shifted sideways; SUMO's own state stays as it is. Equipped vehicles change lanes by
-their driver model and are left alone.
+Only the positions that sensors see are shifted, not SUMO's own state. Equipped vehicles change lanes by their
+driver model and are not touched.
 """
 
 from typing import Any
@@ -21,7 +21,7 @@ class LaneChanges:
     """Follows every vehicle's lane and spreads each change over `duration_s`."""
 
     def __init__(self, graph: LaneGraph, lane_ids: list[str], duration_s: float = CHANGE_S) -> None:
-        """lane_ids: that of Traffic, which may grow."""
+        """lane_ids: the list of Traffic, which may grow."""
         self._graph, self._lane_ids = graph, lane_ids
         self._steps = max(1, round(duration_s / STEP_S))
         self._lane = np.full(256, -1, np.int32)  # by handle
@@ -29,7 +29,7 @@ class LaneChanges:
         self._from_m = np.zeros(256)  # metres left of the new lane at which it began
 
     def step(self, snapshot: Snapshot, equipped: Array) -> Snapshot:
-        """The snapshot with changing vehicles on their way; call once a step. equipped (N,) bool."""
+        """The snapshot with vehicles between lanes during a change; call once a step. equipped (N,) bool."""
         handle, lane = snapshot.handle, snapshot.lane
         if not len(handle):
             return snapshot
@@ -47,14 +47,14 @@ class LaneChanges:
     def _begin(self, handle: int, before: int, lane: int) -> None:
         (edge, old, old_width), (new_edge, new, width) = self._on(before), self._on(lane)
         if edge != new_edge or not edge:
-            return  # on to the next edge
+            return  # driven on to the next edge
         rest = float(self._offset(np.array([handle]))[0])
         # lanes are numbered from the right
         self._from_m[handle] = rest + (old - new) * 0.5 * (old_width + width)
         self._left[handle] = self._steps
 
     def _offset(self, handle: Array) -> Array:
-        """Metres left of SUMO's place now: a half cosine from where the change began to 0."""
+        """Metres left of SUMO's position now: a half cosine from the start of the change to 0."""
         part = self._left[handle] / self._steps
         return np.asarray(self._from_m[handle] * 0.5 * (1.0 - np.cos(np.pi * part)))
 
@@ -66,7 +66,7 @@ class LaneChanges:
         x, y, heading = snapshot.x_m.copy(), snapshot.y_m.copy(), snapshot.heading_rad.copy()
         x[changing] -= offset * np.sin(heading[changing])
         y[changing] += offset * np.cos(heading[changing])
-        # standing in the middle of a change it keeps the angle of a slow one
+        # bounded below: a vehicle that stops during a change keeps a plausible heading
         heading[changing] += np.arctan2(lateral_mps, np.maximum(snapshot.speed_mps[changing], 5.0))
         return snapshot._replace(x_m=x, y_m=y, heading_rad=heading)
 

@@ -13,10 +13,10 @@ from sumo_net.road_table import Array
 from sumo_net.settings import InputError
 from sumo_net.xml_input import Bounded
 
-MOST_LENGTH_M = 200_000.0  # of a lane: its curve is sampled every half metre
-_MOST_STRETCH = 100.0  # of a shape longer than a kilometre, beside the length that SUMO is told
+MOST_LENGTH_M = 200_000.0  # of a lane's shape: it is sampled every half metre
+_MOST_STRETCH = 100.0  # length of a shape over the lane's stated length, for shapes above 1 km
 DEFAULT_WIDTH_M = 3.2  # SUMO's, where a lane gives none
-_STRAIGHT_FIRST = {"s": 0, "l": 1, "r": 1, "L": 1, "R": 1, "t": 9}  # how far a connection's direction turns
+_STRAIGHT_FIRST = {"s": 0, "l": 1, "r": 1, "L": 1, "R": 1, "t": 9}  # rank of a connection's direction
 
 
 class NetworkError(InputError):
@@ -29,19 +29,19 @@ class Lane:
 
     id: str
     edge: str
-    index: int  # 0 rightmost, also where traffic keeps left and SUMO counts from there
-    length_m: float  # SUMO's, which need not be the shape's
+    index: int  # 0 rightmost, also in left-hand networks, where SUMO counts from the left
+    length_m: float  # SUMO's, which may differ from the shape's
     width_m: float
     speed_limit_mps: float
     drivable: bool  # passenger cars may use it
-    walkable_only: bool  # a pavement or crossing
+    walkable_only: bool  # sidewalk or crossing
     internal: bool
     shape: Array  # (points, 2)
 
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """From a lane to a lane; `via` is the internal lane between them, or ''."""
+    """A connection between two lanes; `via` is the internal lane between them, or ''."""
 
     source: str
     target: str
@@ -62,14 +62,14 @@ class Edge:
 
 @dataclass(slots=True)
 class LaneGraph:
-    """Everything about lanes that the road needs."""
+    """Edges, lanes and connections of a network."""
 
     file: Path
     edges: dict[str, Edge] = field(default_factory=dict)
     lanes: dict[str, Lane] = field(default_factory=dict)
     onward: dict[str, list[Connection]] = field(default_factory=dict)  # by source lane
     inward: dict[str, list[Connection]] = field(default_factory=dict)  # by target lane, and by internal lane
-    decimals: int = 2  # of the shapes
+    decimals: int = 2  # of the shapes' coordinates
     left_hand: bool = False  # traffic keeps left
 
     def drivable_edges(self) -> list[str]:
@@ -81,7 +81,7 @@ class LaneGraph:
         ]
 
     def next_lanes(self, lane: str) -> list[tuple[str, str, str]]:
-        """(lane entered, edge that is finally reached, direction) of each way on from a lane."""
+        """(lane entered, edge reached after the junction, direction) of each connection from a lane."""
         return [
             (c.via or c.target, self.lanes[c.target].edge, c.direction) for c in self.onward.get(lane, [])
         ]
@@ -187,7 +187,7 @@ class _Reader:
                 raise NetworkError(f"{graph.file}: a connection names unknown lanes: {source} to {target}")
             connection = Connection(source, target, via, given.get("dir", "s"))
             graph.onward.setdefault(source, []).append(connection)
-            # A lane's predecessor is the internal lane that leads to it, an internal lane's the lane before.
+            # The predecessor of a lane is the internal lane before it; of an internal lane, the lane before.
             graph.inward.setdefault(via or target, []).append(connection)
         for connections in graph.onward.values():
             connections.sort(key=lambda c: (_STRAIGHT_FIRST.get(c.direction, 1), c.target))

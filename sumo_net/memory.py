@@ -1,4 +1,4 @@
-"""Freed memory is kept for the next step instead of being handed back to the system."""
+"""Keeps freed memory for the next step instead of returning it to the operating system."""
 
 import ctypes
 
@@ -7,11 +7,11 @@ _MIB = 1 << 20
 
 
 def keep_freed_memory() -> bool:
-    """Let the C library keep up to 128 MiB that is free; whether it could be told.
+    """Let glibc keep up to 128 MiB of freed memory; returns whether that worked.
 
-    A step works on arrays of some hundred kilobytes to a few megabytes that live no longer than the step. As
-    glibc is set up, these are mapped anew every time, and every page of them costs a page fault: a tenth of
-    the radar chain. Elsewhere than with glibc this does nothing.
+    A step works on temporary arrays of some hundred kilobytes to a few megabytes. By default glibc maps these
+    anew each time, and every page costs a page fault: a tenth of the radar chain's time. With other C
+    libraries this does nothing.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt

@@ -1,19 +1,19 @@
-"""netconvert, SUMO's maker of networks, as a function."""
+"""Calls netconvert, SUMO's network converter."""
 
 import subprocess
 from pathlib import Path
 
 
 class BuildError(RuntimeError):
-    """netconvert is not there, or refused the network."""
+    """netconvert is missing or failed."""
 
 
 def netconvert(net_file: Path, *options: str) -> None:
     """Write `net_file` by netconvert with `options`, each as `--name=value`.
 
-    Raises BuildError with netconvert's own words when it fails.
+    Raises BuildError with netconvert's message when it fails.
     """
-    import sumo  # the wheel that brings netconvert
+    import sumo  # the wheel that contains netconvert
 
     program = next(iter(sorted((Path(sumo.SUMO_HOME) / "bin").glob("netconvert*"))), None)
     if program is None:

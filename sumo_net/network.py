@@ -1,9 +1,9 @@
 """Builds the highway's SUMO network with netconvert.
 
-Each direction is a chain of edges (split where the speed limit changes and where a piece gets too long) that
-straight-through nodes join, so a vehicle stays in its lane from end to end. SUMO gets polylines whose chords
-miss the exact lane by at most `CHORD_ERROR_M`: coarse as SUMO networks are, for SUMO searches a lane's points
-one by one. The equipped vehicles drive on the exact line.
+Each direction is a chain of edges (split where the speed limit changes and where they would get too long),
+connected lane by lane, so a vehicle can stay in its lane from end to end. SUMO gets polylines whose chords
+deviate from the exact lane by at most `CHORD_ERROR_M`; finer ones would be slow, since SUMO searches a lane's
+points one by one. Equipped vehicles drive on the exact line.
 """
 
 import itertools
@@ -43,9 +43,9 @@ class BuiltNetwork:
 
 
 def build(highway: Highway, directory: Path, precision: int = 4) -> BuiltNetwork:
-    """Write the plain XML of the highway and run netconvert; `precision` decimals in the network's shapes.
+    """Write the plain XML of the highway and run netconvert; `precision`: decimals of the network's shapes.
 
-    Files of the same names in `directory` (made where missing) are replaced. Raises BuildError with
+    `directory` is created if missing; files of the same names in it are replaced. Raises BuildError with
     netconvert's message when it fails.
     """
     directory.mkdir(parents=True, exist_ok=True)
@@ -89,7 +89,7 @@ def carriageway(highway: Highway, direction: str) -> Carriageway:
 
 
 def chord_stations(line: Alignment, start_m: float, end_m: float, reach_m: float) -> Array:
-    """Stations of the polyline between two stations, for lanes up to reach_m from the line."""
+    """Stations (points,) of the polyline between two stations, for lanes up to reach_m from the line."""
     inner = line.start_m[(line.start_m > start_m + 0.5) & (line.start_m < end_m - 0.5)]
     stations = [np.array([start_m])]
     for a, b in itertools.pairwise([start_m, *inner, end_m]):
@@ -137,4 +137,4 @@ def _connections(highway: Highway, way: Carriageway) -> list[str]:
 
 
 _WRITERS = {"nod": _nodes, "edg": _edges, "con": _connections}
-_FILES = {"node": "nod", "edge": "edg", "connection": "con"}  # netconvert's options, and suffixes
+_FILES = {"node": "nod", "edge": "edg", "connection": "con"}  # netconvert's option: file suffix

@@ -1,7 +1,7 @@
-"""Roads by formula, without a network: what lies ahead of vehicles on a road of piecewise linear curvature.
+"""Roads given by formula, without a network: RoadAhead on a road of piecewise linear curvature.
 
-For experiments, benchmarks and tests that need a road that is exactly known: straights, circles, clothoids
-and any chain of them.
+For experiments, benchmarks and tests that need an exactly known road: straights, circles, clothoids and any
+chain of them.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,11 +23,11 @@ class PlainRoad(NamedTuple):
     curvature_1pm: Array  # (m,) left positive
 
     def curvature(self, station_m: Array | float) -> Array:
-        """1/m at any stations."""
+        """Curvature in 1/m at stations of any shape."""
         return np.asarray(np.interp(station_m, self.station_m, self.curvature_1pm))
 
     def heading(self, station_m: Array | float) -> Array:
-        """rad against the direction at the first station: the exact integral of the curvature."""
+        """Heading in rad relative to that at the first station: the exact integral of the curvature."""
         s, k = self.station_m, self.curvature_1pm
         at_knots = np.concatenate([[0.0], np.cumsum(0.5 * (k[1:] + k[:-1]) * np.diff(s))])
         at = np.asarray(station_m, float)
@@ -46,7 +46,7 @@ class PlainRoad(NamedTuple):
         kinds: Sequence[int] | None = None,
         shoulder_m: float = 2.5,
     ) -> RoadAhead:
-        """The road ahead of n vehicles with their feet on the centre line at station_m, as road_ahead."""
+        """The road ahead of n vehicles abreast of station_m; the other arguments as in `road_ahead`."""
         foot, d, e = _vectors(station_m, offset_m, heading_error_rad)
         start = self.heading(foot)
 
@@ -73,12 +73,12 @@ def road_ahead(
     shoulder_m: float = 2.5,
     ahead_m: Array = AHEAD_M,
 ) -> RoadAhead:
-    """The road ahead of n vehicles, n from the longest argument: a straight, a circle or a clothoid each.
+    """The road ahead of n vehicles, each on a straight, a circle or a clothoid; numbers broadcast to (n,).
 
-    curvature at the vehicle's foot and its change per metre; offset_m: centre of gravity left of the lane
-    centre; heading_error_rad: vehicle heading minus lane heading. Borders: `lanes_right` lanes right of the
-    own one, `lanes_left` left; `kinds` of the borders from right to left, by default solid at both ends and
-    dashed between. Raises ValueError for more borders than a RoadAhead holds, or kinds of another number.
+    curvature_1pm: abreast of the vehicle; offset_m: centre of gravity left of the lane centre;
+    heading_error_rad: vehicle heading minus lane heading. `lanes_right`, `lanes_left`: lanes beside the own
+    one; `kinds` of the borders from right to left, by default solid at both ends and dashed between. Raises
+    ValueError for more borders than a RoadAhead holds, or another number of kinds than of borders.
     """
     k0, k1, d, e, s0 = _vectors(curvature_1pm, curvature_rate_1pm2, offset_m, heading_error_rad, station_m)
 
@@ -93,7 +93,7 @@ def road_ahead(
 
 
 def no_objects(n: int, bodies: int = 4) -> Objects:
-    """Objects of which none is used."""
+    """Empty Objects: all `bodies` slots of n vehicles unused."""
     blank = np.full((n, bodies), np.nan)
     return Objects(np.full((n, bodies), -1, np.int64), *(blank.copy() for _ in Objects._fields[1:]))
 
@@ -115,7 +115,7 @@ def _laid_out(
     kinds: Sequence[int] | None,
     shoulder_m: float,
 ) -> RoadAhead:
-    """`turned(t)`: the centre line's direction t metres from the foot minus that at the foot."""
+    """`turned(t)`: the centre line's heading t metres beyond `foot`, minus that at `foot`."""
     n, J = len(foot), len(ahead_m)
     s = ahead_m[None, :]
     # position on the path by Gauss quadrature of (cos, sin) of its heading: exact to rounding
@@ -127,10 +127,10 @@ def _laid_out(
     count = lanes_right + lanes_left + 2
     first = OWN_RIGHT - lanes_right
     if first < 0 or first + count > MAX_BORDERS:
-        raise ValueError(f"lanes_right = {lanes_right}, lanes_left = {lanes_left}: too many borders")
+        raise ValueError(f"lanes_right = {lanes_right}, lanes_left = {lanes_left}: too many lanes")
     chosen = [SOLID] + [DASHED] * (count - 2) + [SOLID] if kinds is None else list(kinds)
     if len(chosen) != count:
-        raise ValueError(f"kinds = {chosen}: {count} are needed")
+        raise ValueError(f"kinds = {chosen}: must have {count} entries, one per border")
     offset = np.full((n, J, MAX_BORDERS), np.nan)
     kind = np.zeros((n, J, MAX_BORDERS), np.int8)
     for b in range(count):

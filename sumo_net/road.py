@@ -1,7 +1,7 @@
-"""The smooth road of lane paths, from any SUMO lane shapes: pose, curvature, borders at a station.
+"""Smooth lane paths from SUMO lane shapes: pose, curvature and borders at a station.
 
-`RoadNetwork.path` names a path by a lane and the route ahead, fits it when it is first asked for, and keeps
-it in `RoadNetwork.table`, on which the kernels of `road_kernels` work.
+`RoadNetwork.path` gives the path of a lane and the route ahead, fitted at the first request and kept in
+`RoadNetwork.table`, on which the kernels of `road_kernels` work.
 """
 
 from pathlib import Path
@@ -41,7 +41,7 @@ __all__ = [
     "RoadTable",
 ]
 
-_REMEMBERED_ROUTES = 50_000  # the paths themselves are kept by their lanes
+_REMEMBERED_ROUTES = 50_000  # bounds the cache of routes; paths themselves are kept
 _SHOULDER_M = 0.5  # asphalt outside the outer borders of a user's network
 
 
@@ -84,7 +84,7 @@ class RoadNetwork:
 
     @property
     def table(self) -> RoadTable:
-        """All paths so far. Take it anew after `path` was called."""
+        """All paths so far. Read it again after each call of `path`."""
         return self._store.table
 
     def drivable_edges(self) -> list[str]:
@@ -95,8 +95,8 @@ class RoadNetwork:
         """Number of the path of a lane: the lane, the lanes behind it and those ahead along the route.
 
         route_ahead: edges from the present one on. came_from: the lane the vehicle was on before, where
-        known; it matters behind the start of the lane after a turn. Raises KeyError for an unknown lane,
-        NetworkError for one without length.
+        known; it selects the lanes behind. Raises KeyError for an unknown lane, NetworkError for one shorter
+        than 1 cm.
         """
         asked = (lane_id, route_ahead, came_from)
         if asked not in self._by_route:
@@ -127,7 +127,7 @@ class RoadNetwork:
         return self._store.append(smooth, pieces, sections, own, lanes[own].length_m)
 
     def _exact(self, pieces: tuple[Piece, ...]) -> SmoothPath | None:
-        # From the highway's alignment; None for lanes that are not one lane of one direction of it.
+        # From the highway's alignment; None for pieces that are not of one lane in one direction.
         assert self._built is not None
         lanes = [self.graph.lanes[piece.lane] for piece in pieces]
         on_edges = [lane for lane in lanes if not lane.internal]

@@ -1,17 +1,17 @@
 """A smooth road fitted to SUMO's lane shapes.
 
-SUMO's shapes are polylines. Read as samples of a smooth road they say more than their chords: a chord whose
-two ends turn the same way is the chord of an arc. So the shape is first given that bulge (the smaller of the
-two ends' curvatures, none where they disagree), and sampled every half metre. A corner that remains is no
-bend of a road: it is rounded by a parabola, up to `CORNER_DEPTH_M` deep. Then the curve p that minimises
+SUMO's shapes are polylines whose points are taken as samples of a smooth road. A segment at whose two ends
+the polyline turns the same way is taken as the chord of an arc, of the smaller of the curvatures at its ends;
+otherwise it stays straight. The arcs are sampled every half metre. A corner that remains is rounded by a
+parabola, up to `CORNER_DEPTH_M` deep. Of the samples q, the curve p that minimises
 
     Σ |p − q|² + Σ λ |Δ³p|²,    λ = (ℓ/h)⁶
 
-is taken (Whittaker 1923): a penalty on the third derivative leaves straights and arcs as they are and lets
-waves longer than about 2πℓ pass. ℓ starts at `SCALE_M` and shrinks where the curve strays further from the
-shape than `TOLERANCE_M`, or than `KINK_TOLERANCE_M` around kinks and tight corners, so that a kink of the
-drawing does not become a bend that no car can drive. Where even that would need a bend tighter than
-`TIGHTEST_1PM`, it is given up, and the fit error says so.
+is taken (Whittaker 1923): the penalty on the third derivative leaves straights and arcs as they are and lets
+waves longer than about 2πℓ pass. ℓ starts at `SCALE_M` and shrinks where the curve deviates from the samples
+by more than `TOLERANCE_M`, or by more than `KINK_TOLERANCE_M` around kinks and tight corners, so that a kink
+of the shape does not become a bend that no car can drive. Where even that tolerance would need a bend tighter
+than `TIGHTEST_1PM`, it is exceeded; the fit error reports by how much.
 """
 
 import math
@@ -24,22 +24,24 @@ from scipy.ndimage import maximum_filter1d
 
 from sumo_net.road_table import Array
 
-SCALE_M = 12.0  # ℓ where nothing speaks against it
+SCALE_M = 12.0  # ℓ at first
 SHORTEST_SCALE_M = 0.4
 TOLERANCE_M = 0.012
-TIGHT_1PM = 1.0 / 40.0  # where the curve would be tighter, the shape has a kink rather than a bend
-KINK_TOLERANCE_M = 0.08  # and there the curve may cut it
-TIGHTEST_1PM = 1.0 / 4.0  # tighter than a car can turn: there the curve cuts the corner whatever it costs
-CORNER_RAD = math.radians(2.0)  # a turn at a point, beyond what the bulges account for
-CORNER_DEPTH_M = 0.25  # cut off a corner,
-CORNER_LEAST_RADIUS_M = 6.0  # or more, up to
-CORNER_MOST_M = 1.0  # so much, for a bend that a car can drive;
-CORNER_RADIUS_M = 80.0  # and no wider than this
-DEEPEST_BULGE_M = 0.4  # of an arc over its chord; of twice that depth, the chord is taken as straight
+TIGHT_1PM = 1.0 / 40.0  # a tighter curve is taken as a kink of the shape,
+KINK_TOLERANCE_M = 0.08  # with this tolerance
+TIGHTEST_1PM = 1.0 / 4.0  # tighter than a car can turn: there the tolerance does not hold
+CORNER_RAD = math.radians(2.0)  # least turn at a point, beyond that of the arcs, that is rounded as a corner
+CORNER_DEPTH_M = 0.25  # that rounding cuts off a corner, or more
+CORNER_LEAST_RADIUS_M = 6.0  # for a radius that a car can drive,
+CORNER_MOST_M = 1.0  # but not more than this,
+CORNER_RADIUS_M = 80.0  # and not for a radius above this
+DEEPEST_BULGE_M = (
+    0.4  # of an arc above its chord; deeper arcs fade, at twice this depth to the straight chord
+)
 _KINK_REACH_M = 10.0
 _LOCK_REACH_M = 3.0
 STEP_M = 0.5  # h
-SPACING_M = 1.0  # of the samples handed on
+SPACING_M = 1.0  # of the resulting samples
 _SHORT_CHORD_M = 1.0  # points closer than this say little about curvature
 _ROUNDS = 14
 _MOST_STEPS = 30.0  # ℓ/h; beyond it the matrix is singular to rounding
@@ -57,13 +59,13 @@ class SmoothPath:
     curvature_1pm: Array
     lane_start_m: Array  # (lanes,) stations
     lane_end_m: Array
-    error_m: float  # largest lateral distance from the lane shapes, bulged as above
+    error_m: float  # largest lateral distance from the lane shapes with their arcs
 
 
 def fit(shapes: list[Array], rounding_m: float = 0.005) -> SmoothPath:
-    """Fit one smooth path to the shapes (points, 2) of consecutive lanes, rounded to within rounding_m.
+    """Fit one smooth path to the shapes (points, 2) of consecutive lanes, whose rounding error is rounding_m.
 
-    Raises ValueError where they are shorter than 1 cm together; under two metres they are drawn out straight.
+    Shapes shorter than 2 m together are extended straight to 2 m; below 1 cm, ValueError is raised.
     """
     points, starts, ends = _concatenate(shapes)
     way = points[-1] - points[0]
@@ -118,8 +120,8 @@ def _bridge(before: Array, after: Array, gap: float) -> Array:
 
 
 def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array, Array]:
-    # Half-metre samples of the bulged polyline, their parameter, the parameter of every given point, and
-    # what rounds the corners, to be added to the samples.
+    # Half-metre samples of the polyline with its arcs, their parameter, the parameter of every given point,
+    # and the displacements that round the corners, to be added to the samples.
     kept = [0]
     parameter = np.zeros(len(points))
     last = len(points) - 1
@@ -128,7 +130,7 @@ def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array, Arra
         parameter[k] = parameter[kept[-1]] + gone
         if gone >= _SHORT_CHORD_M:
             kept.append(k)
-    if kept[-1] != last:  # the end itself stays, in place of a neighbour that is too close
+    if kept[-1] != last:  # the end point replaces a neighbour that is too close
         if len(kept) > 1:
             kept.pop()
         gone = float(np.hypot(*(points[last] - points[kept[-1]])))
@@ -145,15 +147,15 @@ def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array, Arra
     direction = np.arctan2(chord[:, 1], chord[:, 0])
     turn = np.diff(direction)
     turn -= 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
-    # What rounding alone can turn says nothing; beside a long chord it would bulge that by centimetres.
+    # Turns within the rounding error are not evidence; beside a long chord they would bend it by centimetres.
     chance = 2.0 * rounding_m * (1.0 / length[1:] + 1.0 / length[:-1])
     turn = np.sign(turn) * np.maximum(np.abs(turn) - chance, 0.0)
     bend = np.concatenate([[0.0], 2.0 * turn / (length[1:] + length[:-1]), [0.0]])
     if len(turn):
-        bend[0], bend[-1] = bend[1], bend[-2]  # the ends are taken to go on as they are
+        bend[0], bend[-1] = bend[1], bend[-2]  # curvature is taken as constant at the ends
     a, b = bend[:-1], bend[1:]
     curvature = np.where(a * b > 0.0, np.sign(a) * np.minimum(np.abs(a), np.abs(b)), 0.0)
-    # A long straight between two kinks is no arc: a bulge that would be too deep fades to none.
+    # A long straight between two kinks is not an arc: an arc that would be too deep is flattened.
     depth = np.abs(curvature) * length**2 / 8.0
     curvature *= np.clip(2.0 - depth / DEEPEST_BULGE_M, 0.0, 1.0)
 
@@ -164,7 +166,7 @@ def _sample(points: Array, rounding_m: float) -> tuple[Array, Array, Array, Arra
     aside = -0.5 * curvature[i] * u * (length[i] - u)
     unit = chord[i] / length[i, None]
     normal = np.column_stack([-unit[:, 1], unit[:, 0]])
-    half = 0.5 * curvature * length  # of an arc's turn, at either end
+    half = 0.5 * curvature * length  # half of an arc's turn, at either end
     left_over = np.zeros(len(bend))
     left_over[1:-1] = turn - half[:-1] - half[1:]
     rounded = _round_corners(t, station, direction, left_over)
@@ -200,8 +202,8 @@ def _smooth(q: Array, h: float, tolerance_m: float) -> Array:
         bad = (away > tolerance) & (scale > SHORTEST_SCALE_M) & ~full_lock
         if not bad.any():
             break
-        # How far a curve strays grows with the scale: linearly at a kink, as its cube where a bend begins.
-        # The step is continuous in the distance, so that paths through the same lanes shrink alike.
+        # The deviation grows with the scale: linearly at a kink, with its cube where a bend begins. The
+        # reduction is continuous in the deviation, so that paths through the same lanes get the same scale.
         less = (0.85 * tolerance / np.maximum(away, 1e-9)) ** np.where(kink, 0.8, 0.4)
         wanted = np.where(full_lock, np.inf, scale * np.clip(less, 0.3, 1.0))
         scale = np.minimum(scale, _spread(np.maximum(wanted, SHORTEST_SCALE_M), h))
@@ -209,7 +211,7 @@ def _smooth(q: Array, h: float, tolerance_m: float) -> Array:
 
 
 def _spread(wanted: Array, h: float) -> Array:
-    # The largest scale below `wanted` that changes by less than 0.4 m a metre.
+    # The largest scale not above `wanted` that changes by at most 0.4 m per metre.
     ramp = 0.4 * h * np.arange(len(wanted))
     forward = np.minimum.accumulate(wanted - ramp) + ramp
     backward = (np.minimum.accumulate((wanted + ramp)[::-1])[::-1]) - ramp
@@ -217,7 +219,7 @@ def _spread(wanted: Array, h: float) -> Array:
 
 
 def _whittaker(q: Array, scale: Array, h: float) -> Array:
-    # Solved for the correction p − q: exact to rounding although the matrix is badly conditioned.
+    # Solved for the correction p − q: exact to rounding although the matrix is ill-conditioned.
     middle = (scale[1:-2] + scale[2:-1]) / 2.0
     weight = (middle / h) ** 6
     size = len(q)

@@ -1,4 +1,4 @@
-"""SUMO networks from roads that others drew: OpenStreetMap extracts and OpenDRIVE files."""
+"""SUMO networks from OpenStreetMap extracts and OpenDRIVE files."""
 
 import zlib
 from pathlib import Path
@@ -10,17 +10,18 @@ from sumo_net.xml_input import root_element
 
 
 class Format(NamedTuple):
-    """A format of roads that netconvert reads."""
+    """A road format that netconvert reads."""
 
     name: str
     endings: tuple[str, ...]
-    root: str  # element of the file
-    option: str  # of netconvert, that takes the file
+    root: str  # root element of the file
+    option: str  # netconvert's option for the file
     options: tuple[str, ...]
     types: str = ""  # of roads or lanes, for netconvert; its own where empty
 
 
-# as SUMO's own web wizard, but for turns on the spot, which no car can drive, and roads that stand alone
+# as SUMO's web wizard, but without U-turns on the spot, which no car can drive, except at dead ends, and with
+# isolated roads
 _OSM = (
     "--keep-edges.by-vclass=passenger",
     "--geometry.remove=true",
@@ -88,24 +89,24 @@ ENDINGS = OSM.endings + OPENDRIVE.endings
 
 
 def format_of(file: Path) -> Format | None:
-    """The format of roads to be converted that the file's name stands for; None for SUMO's own."""
+    """The road format of a file by its name; None if it needs no conversion."""
     return next((one for one in FORMATS if file.name.lower().endswith(one.endings)), None)
 
 
 def convert(file: Path, lefthand: bool, directory: Path) -> Path:
-    """The SUMO network of a file that `format_of` knows, in `directory`; `lefthand`: traffic keeps left.
+    """Convert a file of a known format to a SUMO network in `directory`; `lefthand`: traffic keeps left.
 
-    Raises SettingsError for a file that is missing, of another kind, or refused by netconvert.
+    Raises SettingsError for a file that is missing, of another format, or refused by netconvert.
     """
     kind = format_of(file)
     if kind is None:
-        raise SettingsError(f"{file}: roads are converted from {', '.join(ENDINGS)}")
+        raise SettingsError(f"{file}: not a road file; known are {', '.join(ENDINGS)}")
     try:
         found, _ = root_element(file)
     except (OSError, EOFError, zlib.error) as error:
         raise SettingsError(f"{file}: cannot be read ({error})") from None
     if found != kind.root:
-        told = f"begins with <{found}>" if found else "is no XML"
+        told = f"begins with <{found}>" if found else "is not XML"
         raise SettingsError(f"{file}: {told}, an {kind.name} begins with <{kind.root}>")
     net_file = directory / "converted.net.xml"
     try:

@@ -1,9 +1,10 @@
-"""How SUMO's lanes are marked: borders, their kinds, the asphalt, and the phase of the dashes.
+"""Road markings of SUMO's lanes: borders, their kinds, the asphalt, and the phase of the dashes.
 
-SUMO knows no markings. The rules: the carriageway's outer borders are solid, borders between lanes of one
-direction dashed; only lanes that passenger cars may use count, so a bus, bicycle or foot lane lies behind a
-solid line. Inside junctions nothing is painted, except where a node only joins one edge to the next, lane for
-lane. The middle of an undivided road is dashed with one lane a direction, solid otherwise.
+SUMO's networks have no markings; they follow from these rules. The outer borders of a carriageway are solid,
+borders between lanes of one direction dashed. Only lanes that passenger cars may use count, so a bus, bicycle
+or foot lane lies behind a solid line. Junctions have no markings, except where a node merely joins one edge
+to the next, lane by lane. The centre line of an undivided road is dashed if each direction has one lane, and
+solid otherwise.
 """
 
 from dataclasses import dataclass, replace
@@ -16,28 +17,28 @@ from sumo_net.road_table import DASHED, MAX_BORDERS, NO_MARKING, OWN_RIGHT, SOLI
 _JUNCTION_M = 6.0  # asphalt to either side of a path through a junction, at least
 _KNOT_M = 20.0
 _ENDS = np.array([0.0, 1.0])
-_TOUCH_M = 0.6  # opposite directions this close share their middle line
+_TOUCH_M = 0.6  # opposite directions this close share a centre line
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
-    """What is painted along one lane; offsets left of the lane's centre, slots as in `road_table`."""
+    """Markings along one lane; offsets left of the lane's centre, slots as in `road_table`."""
 
     border_offset_m: Array  # (MAX_BORDERS,)
     border_kind: Array  # (MAX_BORDERS,) int8
     road_right_m: float
     road_left_m: float
     fraction: Array  # (knots,) of the lane's length, 0 to 1
-    edge_station_m: Array  # (knots,) edge-anchored: along the edge's rightmost lane, nodes that join counted
+    edge_station_m: Array  # (knots,) edge-anchored: along the rightmost lane, counted through joining nodes
 
 
 class Markings:
-    """Sections of all lanes of a network, made when asked for."""
+    """Sections of all lanes of a network, computed on request."""
 
     def __init__(self, graph: LaneGraph, shoulder_right_m: float, shoulder_left_m: float) -> None:
         self.graph = graph
         self.shoulder_right_m, self.shoulder_left_m = shoulder_right_m, shoulder_left_m
-        self._middle = -1 if graph.left_hand else 1  # which side of a lane the other direction lies
+        self._middle = -1 if graph.left_hand else 1  # side of the opposite direction
         self._sections: dict[str, Section] = {}
         self._anchors: dict[str, float] = {}
         self._by_nodes: dict[tuple[str, str], list[Edge]] = {}
@@ -53,7 +54,7 @@ class Markings:
         return self._sections[lane_id]
 
     def joins(self, edge: str) -> str:
-        """The edge that goes on from `edge` lane for lane through a node that does nothing else, or ''."""
+        """The edge that continues `edge` lane by lane through a node without other connections, or ''."""
         graph = self.graph
         lanes = graph.edges[edge].lanes
         onward = [c for lane in lanes for c in graph.onward.get(lane, []) if c.direction != "t"]
@@ -88,16 +89,16 @@ class Markings:
         first = self.graph.edges[edge].lanes[0]
         for connection in self.graph.onward.get(first, []):
             if connection.direction != "t" and connection.via:
-                # Not SUMO's length, which is never under 0.1 m.
+                # Not SUMO's length, which is never below 0.1 m.
                 return float(np.hypot(*np.diff(self.graph.lanes[connection.via].shape, axis=0).T).sum())
         return 0.0
 
     def _anchor(self, edge: str) -> float:
-        # Edge-anchored station of an edge's start: it runs on through nodes that only join.
+        # Edge-anchored station of an edge's start: counted on through joining nodes.
         chain: list[str] = []
         at = edge
         while at not in self._anchors:
-            if at in chain:  # a ring: it has to start somewhere
+            if at in chain:  # a ring: any edge may be its start
                 self._anchors[at] = 0.0
                 break
             chain.append(at)
@@ -174,7 +175,7 @@ class Markings:
         return Section(offset, kind, right, left, fraction, self._anchor(edge.id) + station)
 
     def _add_opposite(self, edge: Edge, offset: Array, kind: Array, slot: int, reach: float) -> float:
-        # Lanes of the other direction beyond the middle line; returns how far the asphalt goes.
+        # Lanes of the opposite direction beyond the centre line; returns the offset of the asphalt's edge.
         side = self._middle
         opposite = self._opposite(edge)
         if opposite is None:
@@ -214,8 +215,8 @@ def _straight(graph: LaneGraph, lane: str) -> list[Connection]:
 
 
 def _along_reference(lane: Lane, reference: Lane) -> tuple[Array, Array]:
-    # Stations on the edge's rightmost lane abreast of points about every 20 m of a lane: along a curve the
-    # lanes differ in length, but the dashes between them are one.
+    # Stations on the edge's rightmost lane abreast of points about every 20 m of a lane: in a curve the
+    # lanes differ in length, but the dashes between them are the same.
     at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(lane.shape, axis=0).T))])
     fraction = np.linspace(0.0, 1.0, max(int(at[-1] / _KNOT_M), 1) + 1)
     points = np.column_stack([np.interp(fraction * at[-1], at, lane.shape[:, k]) for k in (0, 1)])
@@ -225,7 +226,7 @@ def _along_reference(lane: Lane, reference: Lane) -> tuple[Array, Array]:
     away = points[:, None] - a
     t = (away * d).sum(2) / length**2
     low, high = np.zeros(len(a)), np.ones(len(a))
-    low[0], high[-1] = -np.inf, np.inf  # the ends of an edge may be cut askew
+    low[0], high[-1] = -np.inf, np.inf  # an edge's ends may be cut obliquely
     t = np.clip(t, low, high)
     nearest = np.argmin(np.hypot(*(away - t[:, :, None] * d).transpose(2, 0, 1)), axis=1)
     rows = np.arange(len(points))

@@ -1,4 +1,4 @@
-"""The growing store behind the RoadTable: paths are appended, arrays double when they are full."""
+"""The growing store behind the RoadTable: paths are appended; full arrays are doubled."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ _INTEGERS = ("first_sample", "samples", "first_segment", "segments")
 
 
 class RoadStore:
-    """Appends paths; `table` is what kernels take, valid until the next path is appended and after it."""
+    """Appends paths. A `table` taken for kernels stays valid for its paths when more are appended."""
 
     def __init__(self) -> None:
         self._used = {"path": 0, "sample": 0, "segment": 0}
@@ -58,7 +58,10 @@ class RoadStore:
         own: int,
         own_length_m: float,
     ) -> int:
-        """Add a path through lane pieces with these sections; `own` is the path's own lane among them."""
+        """Add a path through lane pieces with these sections; returns its number.
+
+        `own`: index of the path's own lane; `own_length_m`: SUMO's length of it.
+        """
         knots = [_knots(piece, section) for piece, section in zip(pieces, sections, strict=True)]
         rows = sum(len(fraction) - 1 for fraction, _ in knots)
         self._grow("segment", _SEGMENT, rows)

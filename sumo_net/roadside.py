@@ -1,7 +1,7 @@
-"""What stands beside the road: delineator posts, points of guard rails that reflect radar, parked cars.
+"""Roadside objects: delineator posts, guard-rail posts that reflect radar, parked cars.
 
-They are laid once, along the outer borders of a network's edges, and keep their places in the world: every
-vehicle that passes meets the same ones under the same handles, which lie below -1.
+They are placed once along the outer borders of a network's edges, fixed in the world, with handles below -1:
+every vehicle that passes meets the same objects.
 """
 
 from typing import Any, Literal, NamedTuple
@@ -17,8 +17,8 @@ from sumo_net.settings import settings
 Array = np.ndarray[Any, Any]
 
 FIRST_HANDLE = -2
-_SAMPLE_M = 2.0  # spacing at which lanes are looked at for objects that would stand on them
-_FREE_M = 0.15  # from an object to any lane's border
+_SAMPLE_M = 2.0  # spacing at which lanes are sampled to find objects on them
+_FREE_M = 0.15  # least clearance from any lane's border
 
 POST = (0.12, 0.12, 1.0)  # length, width, height
 RAIL_POST = (0.15, 0.12, 0.75)
@@ -53,7 +53,7 @@ class Roadside:
 
 
 class RoadsideTable(NamedTuple):
-    """All S roadside objects of a network, (S,) each, by x. Boxes, as vehicles are."""
+    """All S roadside objects of a network as boxes, sorted by x; all arrays (S,)."""
 
     handle: Array  # int64, below -1
     x_m: Array  # centre, world
@@ -65,16 +65,16 @@ class RoadsideTable(NamedTuple):
 
 
 def nothing() -> RoadsideTable:
-    """A bare roadside."""
+    """A table without objects."""
     return RoadsideTable(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(6)))
 
 
 def place(
     roadside: Roadside, graph: LaneGraph, shoulder_right_m: float = 0.5, shoulder_left_m: float = 0.5
 ) -> RoadsideTable:
-    """Lay the objects along all drivable edges; the shoulders are asphalt outside the outer borders.
+    """Place the objects along all drivable edges; the shoulders are asphalt outside the outer borders.
 
-    What would stand on a lane, such as a post between the two directions of an undivided road, is left out.
+    Objects that would stand on a lane, such as posts in the middle of an undivided road, are left out.
     """
     rows: list[Array] = []
     for name in graph.drivable_edges():
@@ -111,7 +111,7 @@ def _length(lane: Lane) -> float:
 
 
 def _stations(length: float, spacing: float) -> Array:
-    """Half a spacing from the edge's beginning, then one after the other."""
+    """Stations a `spacing` apart, the first half a spacing from the edge's start."""
     return np.arange(0.5 * spacing, length, spacing)
 
 
@@ -128,7 +128,7 @@ def _row(lane: Lane, stations: Array, offset: float, size: tuple[float, float, f
 
 
 def _beside_all_lanes(table: Array, graph: LaneGraph) -> Array:
-    """Which objects (S, 6) keep clear of every lane that is driven on."""
+    """Mask (S,) of the objects (S, 6) that are clear of every lane for vehicles."""
     points, reach = [], []
     for lane in graph.lanes.values():
         if lane.walkable_only:
@@ -139,7 +139,7 @@ def _beside_all_lanes(table: Array, graph: LaneGraph) -> Array:
     tree, half = cKDTree(np.concatenate(points)), np.concatenate(reach)
     neighbours = min(12, len(half))
     distance, index = tree.query(table[:, :2], k=[*range(1, neighbours + 1)])
-    # Across the object's own road its half width counts; samples are up to half a spacing off along the lane.
+    # Samples are up to half a spacing away along the lane: the distance across it is at least this.
     needed = half[index] + 0.5 * table[:, 4:5]
     across = np.sqrt(np.maximum(distance**2 - (0.5 * _SAMPLE_M) ** 2, 0.0))
     return np.asarray((across > needed).all(axis=1))

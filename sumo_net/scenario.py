@@ -1,4 +1,4 @@
-"""Scenarios: a road, who drives on it, who is equipped; built in, or from the user's TOML or .sumocfg."""
+"""Scenarios: road, traffic and equipment; built in, or from the user's TOML or .sumocfg file."""
 
 import contextlib
 import dataclasses
@@ -25,14 +25,14 @@ from sumo_net.script import Actor, Manoeuvre, check_script
 from sumo_net.settings import SettingsError, read, read_json, read_toml, settings
 
 DEFAULT_SCENARIO = "highway"
-REGRESSION = ".scenario.toml"  # such a file names a scenario, and what is expected of it
+REGRESSION = ".scenario.toml"  # such a file names a scenario and the expected results
 
 
 @settings
 class Scenario:
-    """The world of a run. One of `highway` (the default), `net_file` and `configuration` is the road."""
+    """The simulated world of a run. Its road is one of `highway` (default), `net_file`, `configuration`."""
 
-    title: str = Field("", description="one line for lists")
+    title: str = Field("", description="one line, shown in lists")
     purpose: str = Field("", description="what the scenario is for")
     duration_s: float = Field(
         120.0, gt=0, le=86_400, description="simulated time that is recorded, after the warm-up"
@@ -56,8 +56,8 @@ class Scenario:
         default_factory=Incidents, description="hard brakings and cut-ins in the traffic"
     )
     equipment: Equipment = Field(default_factory=Equipment)
-    actors: tuple[Actor, ...] = Field((), description="vehicles that are placed, a table each")
-    script: tuple[Manoeuvre, ...] = Field((), description="what they are told, a table each")
+    actors: tuple[Actor, ...] = Field((), description="scripted vehicles, one table each")
+    script: tuple[Manoeuvre, ...] = Field((), description="their manoeuvres, one table each")
     time_to_teleport_s: float | None = Field(
         None,
         description="SUMO removes a vehicle that has been jammed for this long; -1: never; none: SUMO's "
@@ -79,23 +79,25 @@ class Scenario:
     @pydantic.model_validator(mode="after")
     def _script_fits(self) -> Self:
         if self.configuration and self.actors:
-            raise ValueError("actors: a configuration's vehicles are in its own route files")
+            raise ValueError(
+                "actors: not allowed with a configuration, whose route files define its vehicles"
+            )
         check_script(self.actors, self.script, others=bool(self.configuration))
         if any(actor.equipped for actor in self.actors) and not self.equipment.types_may_ask:
-            raise ValueError("equipment.types_may_ask = false: equipped actors need it to be true")
+            raise ValueError("equipment.types_may_ask = false: must be true for equipped actors")
         return self
 
 
 @dataclass(frozen=True, slots=True)
 class PreparedRun:
-    """What is needed to start: SUMO's arguments (Traffic.start takes them) and where the road comes from."""
+    """What is needed to start a run: SUMO's arguments (for Traffic.start), network and step counts."""
 
     arguments: tuple[str, ...]
     network: BuiltNetwork | Path  # the built highway, or a .net.xml
     begin_s: float  # SUMO's time at the start
     warm_up_steps: int
     recorded_steps: int
-    notes: tuple[str, ...]  # what the user should be told before the run
+    notes: tuple[str, ...]  # for the user, shown before the run
 
 
 def scenario_files() -> dict[str, Path]:
@@ -113,16 +115,15 @@ def list_scenarios() -> list[tuple[str, str]]:
 
 
 def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[str, Any], Path]:
-    """The settings behind a built-in name, a .toml, a .sumocfg or a road, and the file they are from.
+    """The settings that a source stands for, and the file they are from.
 
-    Also behind the configuration.json that a run wrote beside its tables.
-
-    Paths in them are made absolute: they are relative to the file. `within`: files that name this one as what
-    they are based on. Raises SettingsError.
+    `source`: a built-in name, a .toml, a .sumocfg, a road, or the configuration.json that a run wrote beside
+    its tables. Paths in the settings are made absolute; in the file they are relative to it. `within`: files
+    that are based on this one. Raises SettingsError.
     """
     path = Path(source)
     if "\0" in source:
-        raise SettingsError(f"scenario {source!r}: is no name of a file")
+        raise SettingsError(f"scenario {source!r}: is not a file name")
     if source.endswith((".sumocfg", ".net.xml", ".net.xml.gz")) or format_of(path) is not None:
         if not path.is_file():
             raise SettingsError(f"{source}: no such file")
@@ -151,13 +152,13 @@ def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[s
     for key in ("configuration", "net_file"):
         if isinstance(mapping.get(key), str) and mapping[key]:
             if "\0" in mapping[key]:
-                raise SettingsError(f"{path}: {key} = {mapping[key]!r}: is no name of a file")
+                raise SettingsError(f"{path}: {key} = {mapping[key]!r}: is not a file name")
             mapping[key] = str((path.parent / mapping[key]).resolve())
     return mapping, path
 
 
 def _based_on(mapping: dict[str, Any], path: Path, within: tuple[Path, ...]) -> tuple[dict[str, Any], Path]:
-    """A regression's world: its `settings` laid over the scenario that it names."""
+    """A regression's settings: its `settings` merged over the scenario that it names."""
     name = str(mapping.get("scenario", DEFAULT_SCENARIO))
     beside = path.parent / name
     base, _ = scenario_mapping(str(beside) if Path(name).suffix and beside.is_file() else name, within)
@@ -168,7 +169,7 @@ def _based_on(mapping: dict[str, Any], path: Path, within: tuple[Path, ...]) -> 
 
 
 def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """`changes` over `base`, both nested."""
+    """The nested mapping `base` with `changes` merged over it."""
     merged = dict(base)
     for key, value in changes.items():
         old = merged.get(key)
@@ -180,9 +181,9 @@ def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 
 def prepare(scenario: Scenario, directory: Path, seed: int | None = None) -> PreparedRun:
-    """Write what SUMO needs into `directory` (made where missing); nothing is written anywhere else.
+    """Write SUMO's input files into `directory` (created if missing) and nowhere else.
 
-    `seed` overrides the scenario's. Raises SettingsError, before SUMO runs.
+    `seed` overrides the scenario's. Raises SettingsError.
     """
     seed = scenario.seed if seed is None else seed
     directory.mkdir(parents=True, exist_ok=True)
@@ -201,7 +202,7 @@ def prepare(scenario: Scenario, directory: Path, seed: int | None = None) -> Pre
         options["time-to-teleport"] = f"{scenario.time_to_teleport_s:g}"
     if scenario.configuration:
         done = prepare_configuration(Path(scenario.configuration), directory, options)
-        # Where the file ends earlier, SUMO goes on: the end is what was asked for here.
+        # The run's duration overrides the end that the configuration gives.
         arguments: tuple[str, ...] = (
             "-c",
             str(done.file),
@@ -227,7 +228,7 @@ def prepare(scenario: Scenario, directory: Path, seed: int | None = None) -> Pre
 
 
 def with_changes(scenario: Scenario, **changes: Any) -> Scenario:
-    """The scenario with top-level fields replaced, checked again. Raises SettingsError."""
+    """The scenario with top-level fields replaced and checked again. Raises SettingsError."""
     with contextlib.suppress(pydantic.ValidationError):
         return dataclasses.replace(scenario, **changes)
     fields = {field.name: getattr(scenario, field.name) for field in dataclasses.fields(scenario)}
@@ -235,7 +236,7 @@ def with_changes(scenario: Scenario, **changes: Any) -> Scenario:
 
 
 def road(scenario: Scenario, directory: Path) -> BuiltNetwork | Path:
-    """The road of a scenario without a configuration: its net_file, or what is made in `directory`.
+    """The road of a scenario without a configuration: its net_file, or a network built in `directory`.
 
     Raises SettingsError.
     """

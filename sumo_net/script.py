@@ -1,7 +1,7 @@
-"""Scripted traffic: who is placed where, and what each does when.
+"""Scripted traffic: vehicles that a scenario places, and their manoeuvres.
 
-`[[actors]]` are vehicles that a scenario places itself, `[[script]]` says what they are told. Times are
-seconds from the beginning of what is recorded. What is told here is held, whatever is in the way.
+`[[actors]]` are the vehicles, `[[script]]` their manoeuvres. Times are seconds from the start of recording.
+Scripted speeds and lane changes are carried out regardless of other vehicles.
 """
 
 from collections.abc import Sequence
@@ -46,9 +46,7 @@ class Actor:
     @pydantic.model_validator(mode="after")
     def _has_a_driver(self) -> "Actor":
         if self.offset_m is not None and not self.equipped:
-            raise ValueError(
-                f"actor '{self.id}': offset_m = {self.offset_m}: only an equipped one has a line"
-            )
+            raise ValueError(f"actor '{self.id}': offset_m = {self.offset_m}: needs equipped = true")
         return self
 
 
@@ -114,20 +112,20 @@ class Manoeuvre:
 
 
 def check_script(actors: Sequence[Actor], script: Sequence[Manoeuvre], others: bool) -> None:
-    """Whether the script fits its actors; `others`: it may speak of vehicles of the user's demand, too.
+    """Check a script against its actors; `others`: it may also name vehicles of the user's own demand.
 
     Raises ValueError.
     """
     known = {actor.id: actor for actor in actors}
     if len(known) < len(actors):
         twice = next(a.id for k, a in enumerate(actors) if a.id in {b.id for b in actors[:k]})
-        raise ValueError(f"actors: id = '{twice}' is there twice")
+        raise ValueError(f"actors: id = '{twice}' is used twice")
     for manoeuvre in script:
         actor = known.get(manoeuvre.who)
         if actor is None:
             if not others:
                 names = ", ".join(known) or "none"
-                raise ValueError(f"script: who = '{manoeuvre.who}' is no actor: actors are {names}")
+                raise ValueError(f"script: who = '{manoeuvre.who}' is not an actor: actors are {names}")
             continue
         if manoeuvre.at_s < actor.at_s:
             raise ValueError(

@@ -1,4 +1,4 @@
-"""Plays a script in the running simulation, and checks that SUMO does what it was told."""
+"""Plays a script in the running simulation, and checks that SUMO does what was commanded."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,16 +11,16 @@ from sumo_net.traffic import Traffic, TrafficError
 
 STEP_S = 0.1
 _RATE_MPS2, _RAMP_S = 3.0, 1.5
-_SLACK_MPS = 0.05  # between what was told and what is driven
-_WAIT_STEPS = 3  # until a lane change that was told must have been made
+_SLACK_MPS = 0.05  # largest difference of driven and commanded speed
+_WAIT_STEPS = 3  # until a commanded lane change must have been made
 
 
 class ScriptError(TrafficError):
-    """What the script asks for did not come to pass."""
+    """SUMO did not carry out what the script commands."""
 
 
 class _Held:
-    """A speed that goes over evenly to its target."""
+    """A commanded speed that changes to its target at a constant rate."""
 
     def __init__(self, speed_mps: float) -> None:
         self.told = self.target = speed_mps
@@ -33,7 +33,7 @@ class _Held:
 
 
 class ScriptPlayer:
-    """Call `step` once a step, last: what it tells SUMO then counts for the next step."""
+    """Call `step` last in each step: its commands take effect in SUMO's next step."""
 
     def __init__(
         self, actors: Sequence[Actor], script: Sequence[Manoeuvre], traffic: Traffic, ego: Ego
@@ -47,7 +47,7 @@ class ScriptPlayer:
         self._begin_s: float | None = None
 
     def step(self, snapshot: Snapshot) -> None:
-        """Check what was told, begin what is due, hold what is held. Raises ScriptError."""
+        """Check past commands, begin manoeuvres that are due, hold speeds. Raises ScriptError."""
         if self._begin_s is None:
             self._begin_s = self._traffic.time_s - STEP_S
         now_s = self._traffic.time_s - self._begin_s
@@ -68,7 +68,9 @@ class ScriptPlayer:
         handle = self._influence.find(actor.id)
         if handle is None:
             if now_s > actor.at_s + 2.05:
-                raise ScriptError(f"actor '{actor.id}' is not on the road at {now_s:.1f} s: SUMO left it out")
+                raise ScriptError(
+                    f"actor '{actor.id}' is not on the road at {now_s:.1f} s: SUMO did not insert it"
+                )
             return False
         if actor.held:
             self._influence.keep_lane(handle)
@@ -116,14 +118,14 @@ class ScriptPlayer:
             if abs(driven - held.told) > _SLACK_MPS:
                 raise ScriptError(
                     f"'{self._traffic.vehicle_id(handle)}' drives {driven:.2f} m/s at {now_s:.1f} s,"
-                    f" told were {held.told:.2f} m/s"
+                    f" commanded were {held.told:.2f} m/s"
                 )
         for handle, (lane, left) in list(self._changing.items()):
             if handle not in row or snapshot.lane[row[handle]] != lane:
                 del self._changing[handle]
             elif left == 0:
                 name = self._traffic.vehicle_id(handle)
-                raise ScriptError(f"'{name}' has not changed lanes by {now_s:.1f} s: is there one?")
+                raise ScriptError(f"'{name}' has not changed lanes by {now_s:.1f} s: is there a lane?")
             else:
                 self._changing[handle] = lane, left - 1
 

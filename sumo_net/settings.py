@@ -1,8 +1,8 @@
 """Settings: frozen dataclasses checked on construction and read from TOML.
 
-`@settings` makes a pydantic dataclass that is frozen and refuses unknown keys. `read` turns a mapping into
-one and, where that fails, says in one line a finding which key it is, what was given and what is allowed;
-for an unknown key it names the nearest known one.
+`@settings` makes a pydantic dataclass that is frozen and refuses unknown keys. `read` builds one from a
+mapping; its error has one line per finding with the key, the value and what is allowed, and for an unknown
+key the nearest known one.
 """
 
 import dataclasses
@@ -28,7 +28,7 @@ _CONFIG = pydantic.ConfigDict(extra="forbid", arbitrary_types_allowed=False, all
 
 
 class InputError(ValueError):
-    """What is wrong with something that a user handed in. Its message cannot steer a terminal."""
+    """Faulty user input. Control characters in the message are escaped."""
 
     def __init__(self, message: str) -> None:
         if len(message) > _LONGEST:
@@ -37,7 +37,7 @@ class InputError(ValueError):
 
 
 class SettingsError(InputError):
-    """What a user's settings got wrong, a finding a line."""
+    """Faulty settings; one line per finding."""
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -68,7 +68,7 @@ def read(cls: type[T], mapping: Mapping[str, Any], source: str) -> T:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The mapping in a TOML file. Raises SettingsError where it cannot be read or is not TOML."""
+    """The mapping in a TOML file. Raises SettingsError if it cannot be read or is not TOML."""
     try:
         with path.open("rb") as file:
             return _not_too_deep(tomllib.load(file), path)
@@ -80,12 +80,12 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise _too_deep(path) from None
     except SettingsError:
         raise
-    except ValueError as error:  # tomllib's own, of the encoding, of a number of thousands of digits
+    except ValueError as error:  # syntax, encoding, or a number of thousands of digits
         raise SettingsError(f"{path}: is not valid TOML: {error}") from None
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The mapping in a JSON file. Raises SettingsError where it cannot be read or holds none."""
+    """The mapping in a JSON file. Raises SettingsError if it cannot be read or has no mapping at its top."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -97,12 +97,12 @@ def read_json(path: Path) -> dict[str, Any]:
     except ValueError as error:
         raise SettingsError(f"{path}: is not valid JSON: {error}") from None
     if not isinstance(content, dict):
-        raise SettingsError(f"{path}: holds no mapping")
+        raise SettingsError(f"{path}: must contain a mapping")
     return _not_too_deep(content, path)
 
 
 def _not_too_deep(content: dict[str, Any], path: Path) -> dict[str, Any]:
-    """The content as it is. Raises SettingsError where what walks it later would run out of stack."""
+    """The content itself. Raises SettingsError where it is nested too deeply for recursive readers."""
     level: list[Any] = [content]
     for _ in range(_DEEPEST):
         level = [

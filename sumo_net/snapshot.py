@@ -8,13 +8,13 @@ Array = np.ndarray[Any, Any]
 
 
 class Snapshot(NamedTuple):
-    """All N vehicles now, ordered by handle.
+    """All N vehicles at one time, ordered by handle.
 
-    A teleporting vehicle is nowhere, so it is not in the snapshot; a parked one has lane -1 and NaN for
+    A teleporting vehicle has no position and is left out; a parked one has lane -1 and NaN for
     `lane_position_m`.
     """
 
-    handle: Array  # (N,) int64, number given to a vehicle at first sight, never reused
+    handle: Array  # (N,) int64, number given to a vehicle when it enters, never reused
     x_m: Array  # centre of the front bumper, world (SUMO position)
     y_m: Array
     heading_rad: Array  # counter-clockwise from +x, in [-pi, pi)

@@ -1,4 +1,4 @@
-"""What SUMO needs and says when it starts: its home, the reason for a failure, the side of the traffic."""
+"""Starting SUMO: SUMO_HOME, the cause of a failure, the side of the traffic."""
 
 import contextlib
 import os
@@ -13,7 +13,7 @@ from sumo_net.xml_input import XmlInputError, root_element
 
 
 def set_sumo_home() -> None:
-    """SUMO looks for its XML schemas there, and on the network when it has none."""
+    """Set SUMO_HOME if missing: SUMO reads its XML schemas there, or else from the internet."""
     if "SUMO_HOME" not in os.environ:
         with contextlib.suppress(ImportError):
             import sumo
@@ -23,7 +23,7 @@ def set_sumo_home() -> None:
 
 @contextlib.contextmanager
 def standard_error() -> Iterator[Any]:
-    """Collect what is written to the process's standard error, by SUMO's C++ too; gives a reader of it."""
+    """Capture the process's standard error, that of C++ included; yields a function that returns its text."""
     with tempfile.TemporaryFile() as file:
         saved = os.dup(2)
         os.dup2(file.fileno(), 2)
@@ -40,19 +40,19 @@ def standard_error() -> Iterator[Any]:
 
 
 def cause(words: str, otherwise: str) -> str:
-    """SUMO's own words on why it failed, in one line: its errors, without its warnings."""
+    """SUMO's errors in its output `words`, in one line, without warnings; `otherwise` where it has none."""
     found = re.findall(r"^Error: (.*(?:\n (?! *Error:| *Warning:).*)*)", words, flags=re.MULTILINE)
     found = [one_line(text) for text in found if not text.startswith("Quitting")]
     return "; ".join(dict.fromkeys(found)) or one_line(words) or one_line(otherwise)
 
 
 def one_line(text: str) -> str:
-    """The text without line breaks, and with what could steer a terminal written out: SUMO quotes names."""
+    """The text without line breaks, control characters escaped: SUMO's messages quote names from files."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(text.split()))
 
 
 def is_left_hand(net_file: Path) -> bool:
-    """Whether the network says that traffic keeps left; False where the file cannot be read from here."""
+    """Whether traffic keeps left according to the network file; False where it cannot be read."""
     try:
         return root_element(net_file)[1].get("lefthand", "") in ("1", "true")
     except (OSError, EOFError, zlib.error, XmlInputError):

@@ -1,4 +1,4 @@
-"""What stands and drives around each equipped vehicle, in its own frame."""
+"""Vehicles and roadside objects around each equipped vehicle, in its own frame."""
 
 from typing import NamedTuple, Protocol
 
@@ -12,12 +12,12 @@ MAX_OBJECTS = 32
 
 
 class Objects(NamedTuple):
-    """The M nearest bodies of each of n vehicles, ISO vehicle frame (origin centre of gravity); unused = -1.
+    """The M nearest bodies of each of n vehicles, in the ISO vehicle frame (origin: centre of gravity).
 
-    Vehicles and roadside objects alike: a body is a box.
+    Vehicles and roadside objects are boxes alike. In unused slots `handle` is -1, all else NaN.
     """
 
-    handle: Array  # (n, M) int64: Traffic's number of the vehicle, roadside objects below -1, -1 for unused
+    handle: Array  # (n, M) int64: Traffic's handle of a vehicle; below -1 for roadside objects; -1: unused
     forward_m: Array  # (n, M) centre of the body
     left_m: Array
     heading_rad: Array  # relative to the vehicle's
@@ -28,7 +28,7 @@ class Objects(NamedTuple):
 
 
 class Poses(Protocol):
-    """What is needed of the equipped vehicles; EgoTruth has it."""
+    """The poses of the equipped vehicles; EgoTruth has them."""
 
     @property
     def handle(self) -> Array:
@@ -52,8 +52,8 @@ def objects_around(
 ) -> Objects:
     """The other vehicles whose centres are within `reach_m` of the n centres of gravity, nearest first.
 
-    Equal distances stand in the order of handles, so that the result does not depend on the fleet's order.
-    Unused places have handle -1 and NaN elsewhere. A vehicle never sees itself.
+    Equal distances are ordered by handle, so that the result does not depend on the fleet's order. Unused
+    slots have handle -1 and NaN elsewhere. A vehicle itself is left out.
     """
     half = snapshot.length_m / 2.0
     centre_x = snapshot.x_m - half * np.cos(snapshot.heading_rad)

@@ -1,8 +1,8 @@
 """All traffic of a running SUMO simulation as arrays: the only importer of libsumo and traci.
 
-SUMO's positions (centre of the front bumper) stay as they are; its angles (degrees clockwise from north) and
-its lateral positions (to the outer side in a left-hand network) become radians counter-clockwise from +x and
-left positive here, and nowhere else.
+SUMO's positions (centre of the front bumper) are kept. Its angles (degrees clockwise from north) and its
+lateral positions (positive right in a left-hand network) are converted here, and nowhere else, to radians
+counter-clockwise from +x and to left positive.
 """
 
 import contextlib
@@ -21,12 +21,12 @@ from sumo_net.snapshot import Array, Snapshot
 from sumo_net.start_up import cause, is_left_hand, one_line, set_sumo_home, standard_error
 
 STEP_S = 0.1
-REMEMBERED_S = 300.0  # after a vehicle has left, its name is still known: its last events are being judged
+REMEMBERED_S = 300.0  # how long the name of a vehicle that has left is kept, for events evaluated later
 _INVALID = -1e9  # SUMO's INVALID_DOUBLE_VALUE is -2**30
 
 
 class TrafficError(RuntimeError):
-    """SUMO could not start, or does not run in a way that this project can work with."""
+    """SUMO could not start, has stopped, or runs with options that are not supported here."""
 
 
 class NotRunningError(TrafficError):
@@ -34,14 +34,14 @@ class NotRunningError(TrafficError):
 
 
 class _Kind(NamedTuple):
-    """What does not change while a vehicle drives."""
+    """A vehicle's class and type when it entered."""
 
     vehicle_class: str
     type_id: str
 
 
 class Traffic:
-    """A SUMO simulation, started here (`start`) or by the user (`attach`). Closes itself as a context."""
+    """A SUMO simulation, started here (`start`) or by the user (`attach`). A context manager, too."""
 
     _started: ClassVar["Traffic | None"] = None
 
@@ -52,7 +52,7 @@ class Traffic:
 
         self._sumo = simulation
         self._owned = owned
-        # The names on the module; a traci Connection has none of its own.
+        # The module's exceptions; a traci Connection has no such attributes.
         self._refused = getattr(simulation, "TraCIException", traci.exceptions.TraCIException)
         self._lost = (
             traci.exceptions.FatalTraCIError,
@@ -67,9 +67,9 @@ class Traffic:
         self._next_handle = 0
         self._names: dict[int, str] = {}  # by handle
         self._kinds: dict[int, _Kind] = {}  # by handle
-        self._left: deque[tuple[float, int]] = deque()  # when, and who
+        self._left: deque[tuple[float, int]] = deque()  # (time in s, handle)
         self._bodies = np.zeros((256, 3))  # by handle: length, width, height
-        self._numbers: dict[str, int] = {}  # of the vehicles that are not gone
+        self._numbers: dict[str, int] = {}  # handles of the vehicles that have not left
         self._routes: dict[int, tuple[str, int, tuple[str, ...]]] = {}
         self._reader = columns.reader_of(simulation, traci.constants)
 
@@ -79,8 +79,8 @@ class Traffic:
     def start(cls, arguments: Sequence[str], gui: bool = False) -> "Traffic":
         """Start SUMO in this process (libsumo), or with `gui` sumo-gui in its own (traci).
 
-        `arguments` is SUMO's command line without the program. Raises TrafficError with SUMO's own words
-        where it does not start, and where a simulation already runs: there is one simulation a process.
+        `arguments` is SUMO's command line without the program. Raises TrafficError where it does not start
+        (with SUMO's message), and where a simulation is running: a process can have only one.
         """
         if Traffic._started is not None:
             raise TrafficError("a simulation is already running in this process: close() it first")
@@ -101,7 +101,7 @@ class Traffic:
             except BaseException as error:
                 with contextlib.suppress(Exception):  # the other process may have ended
                     simulation.close()
-                if isinstance(error, NotRunningError):  # it answered, and then failed to load
+                if isinstance(error, NotRunningError):  # SUMO's process started, but failed to load
                     raise TrafficError(f"SUMO did not start: {cause(words(), str(error))}") from None
                 raise
         Traffic._started = traffic
@@ -111,12 +111,12 @@ class Traffic:
     def attach(cls, simulation: Any) -> "Traffic":
         """Use a simulation that the user started: the module libsumo or traci, or a traci Connection.
 
-        Raises TrafficError where it is not started, its step is not 0.1 s, or SUMO moves vehicles sideways.
+        Raises TrafficError where it is not running, its step is not 0.1 s, or SUMO moves vehicles sideways.
         """
         return cls(simulation, owned=False)
 
     def close(self) -> None:
-        """End the simulation if it was started here, so that SUMO's own outputs are complete; idempotent."""
+        """End the simulation if it was started here, which completes SUMO's own outputs; idempotent."""
         if self._owned:
             self._owned = False
             Traffic._started = None
@@ -172,7 +172,7 @@ class Traffic:
 
     @property
     def time_s(self) -> float:
-        """SUMO's time."""
+        """SUMO's simulation time."""
         return float(self._sumo.simulation.getTime())
 
     # --- reading
@@ -218,7 +218,7 @@ class Traffic:
         return Snapshot(*(part[somewhere] for part in made))
 
     def accelerations_mps2(self, handles: Array) -> Array:
-        """(n,) of vehicles of the last snapshot; 0 of those that SUMO does not move, or no more."""
+        """Accelerations (n,) of vehicles of the last snapshot; 0 where SUMO has none (parked, vanished)."""
         names = [self._names[handle] for handle in handles.tolist()]
         try:
             found = np.array(list(map(self._reader.acceleration, names)), np.float64)
@@ -238,11 +238,11 @@ class Traffic:
 
     @property
     def names(self) -> Mapping[int, str]:
-        """What `vehicle_id` says, by handle, of those that are there or left less than REMEMBERED_S ago."""
+        """SUMO's names by handle, of vehicles that are present or left less than REMEMBERED_S ago."""
         return self._names
 
     def handle(self, vehicle_id: str) -> int:
-        """The number of a vehicle that was seen and has not arrived. Raises KeyError."""
+        """The handle of a vehicle that has entered and not left. Raises KeyError."""
         return self._numbers[vehicle_id]
 
     def vehicle_class(self, handle: int) -> str:
@@ -250,7 +250,7 @@ class Traffic:
         return self._kinds[handle].vehicle_class
 
     def type_id(self, handle: int) -> str:
-        """SUMO's vehicle type as it was when the vehicle was first seen."""
+        """SUMO's vehicle type when the vehicle entered."""
         return self._kinds[handle].type_id
 
     def type_parameter(self, type_id: str, key: str) -> str:
@@ -261,16 +261,16 @@ class Traffic:
             return ""
 
     def vehicle_parameter(self, handle: int, key: str) -> str:
-        """A <param> of a vehicle; '' where it has none, or is no longer there."""
+        """A <param> of a vehicle; '' where it has none, or has left."""
         try:
             return str(self._sumo.vehicle.getParameter(self._names[handle], key))
         except self._refused:
             return ""
 
     def route_ahead(self, handle: int) -> tuple[str, ...]:
-        """The edges of the route from the current one on; () for a vehicle that is no longer there.
+        """The edges of the route from the current one on; () for a vehicle that has left.
 
-        On a junction (an internal lane) the first edge is the one just left, as SUMO's route index has it.
+        On a junction (an internal lane) the first edge is the one just left, as in SUMO's route index.
         """
         name = self._names[handle]
         try:
@@ -288,10 +288,10 @@ class Traffic:
     # --- writing
 
     def write_lateral(self, handles: Array, lateral_m: Array) -> None:
-        """Put vehicles sideways on their lanes, (n,) handles and metres left of SUMO's lane centre.
+        """Set lateral positions (n,), in metres left of SUMO's lane centre, of vehicles by handle (n,).
 
-        Takes effect in SUMO's next step. Vehicles that have vanished are passed over. Raises ValueError for
-        a number that is not finite, which SUMO would take in silence.
+        Takes effect in SUMO's next step. Vehicles that have left are ignored. Raises ValueError for a value
+        that is not finite, which SUMO would accept.
         """
         if not np.isfinite(lateral_m).all():
             bad = int(np.asarray(handles)[~np.isfinite(lateral_m)][0])
@@ -305,13 +305,13 @@ class Traffic:
                 pass
 
     def set_color(self, handle: int, red: int, green: int, blue: int) -> None:
-        """Colour a vehicle in sumo-gui, 0 to 255 each; nothing for one that has vanished."""
+        """Colour a vehicle in sumo-gui, 0 to 255 each; one that has left is ignored."""
         with contextlib.suppress(self._refused):
             self._sumo.vehicle.setColor(self._names[handle], (red, green, blue, 255))
 
     @property
     def window(self) -> Any:
-        """SUMO's own interface to its window; None where it has none."""
+        """SUMO's interface to its window; None without one."""
         has = getattr(self._sumo, "hasGUI", lambda: hasattr(self._sumo, "gui"))
         try:
             return self._sumo.gui if has() else None
@@ -325,7 +325,7 @@ class Traffic:
 
     @property
     def gone(self) -> tuple[type[Exception], ...]:
-        """What SUMO raises of a vehicle that is not there, or of a request that it refuses."""
+        """Exceptions that SUMO raises for an unknown vehicle, a refused request or a lost connection."""
         return (*self._lost, self._refused)
 
     # --- bookkeeping
@@ -342,8 +342,8 @@ class Traffic:
         self._numbers[name] = handle
 
     def _forget(self, absent: Iterable[str]) -> None:
-        """Drop the vehicles that are gone for good: one that is teleporting is absent too, but comes back."""
-        # a question about one that is gone would be an "Error" on the terminal of a SUMO behind a socket
+        """Drop vehicles that have left for good; a teleporting one is absent, too, but will return."""
+        # asked about a vehicle that has left, SUMO behind a socket prints an "Error" line
         for name in set(absent).difference(self._sumo.vehicle.getTeleportingIDList()):
             handle = self._numbers.pop(name)
             self._routes.pop(handle, None)
@@ -366,7 +366,7 @@ class Traffic:
 
 def _start_libsumo(arguments: Sequence[str]) -> Any:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the wheel warns about other Arrow versions; it does not matter here
+        warnings.simplefilter("ignore")  # the wheel's warning about Arrow versions is irrelevant here
         import libsumo
 
     if libsumo.isLoaded():
@@ -374,7 +374,7 @@ def _start_libsumo(arguments: Sequence[str]) -> Any:
     try:
         libsumo.start(["sumo", *arguments])
     except BaseException:
-        libsumo.close()  # a start that failed late stays loaded
+        libsumo.close()  # after a late failure the simulation would stay loaded
         raise
     return libsumo
 
@@ -388,7 +388,7 @@ def _start_gui(arguments: Sequence[str]) -> Any:
     words = [program, *arguments, "--start", "--quit-on-end", "--remote-port", str(port)]
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
     try:
-        with contextlib.redirect_stdout(None):  # traci tells of every attempt
+        with contextlib.redirect_stdout(None):  # traci prints every attempt
             return traci.connect(port, numRetries=600, proc=process, waitBetweenRetries=0.1)
     except BaseException:
         process.kill()

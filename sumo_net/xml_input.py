@@ -1,7 +1,7 @@
-"""XML that came from outside: entities refused, size bounded, before it is read here or by SUMO.
+"""XML from outside: entities are refused and sizes limited before it is read here or by SUMO.
 
-SUMO's own parser expands entities without a bound, so that a file of a kilobyte can fill the memory. A
-declaration can only stand before the root element: looking that far is enough, whatever the file's size.
+SUMO's own parser expands entities without limit, so a file of a kilobyte can fill the memory. Entities can
+only be declared before the root element: reading that far is enough, whatever the file's size.
 """
 
 import gzip
@@ -12,7 +12,7 @@ from xml.parsers import expat
 from sumo_net.settings import SettingsError
 
 MOST_BYTES = 2**30  # of an unpacked file
-_PROLOGUE_BYTES = 2**20  # what may stand before the root element
+_PROLOGUE_BYTES = 2**20  # limit of what precedes the root element
 _PIECE_BYTES = 4096
 
 
@@ -21,7 +21,7 @@ class XmlInputError(SettingsError):
 
 
 class _Found(Exception):  # noqa: N818 - it ends the parsing, nothing is wrong
-    """The root element begins: enough is known."""
+    """The root element begins: parsing can stop."""
 
 
 def is_packed(file: Path) -> bool:
@@ -33,8 +33,8 @@ def is_packed(file: Path) -> bool:
 def root_element(file: Path) -> tuple[str, dict[str, str]]:
     """Tag and attributes of an XML file's root (plain or gzip); ("", {}) where there is none.
 
-    Raises XmlInputError where the file declares entities or the root is far away. What is not well-formed is
-    left to whoever reads it whole. Raises OSError, EOFError, zlib.error where it cannot be read.
+    Raises XmlInputError where the file declares entities or has no root within _PROLOGUE_BYTES. Malformed XML
+    is left to the reader of the whole file. Raises OSError, EOFError, zlib.error where it cannot be read.
     """
     parser = expat.ParserCreate()
     found: list[tuple[str, dict[str, str]]] = []
@@ -65,7 +65,7 @@ def root_element(file: Path) -> tuple[str, dict[str, str]]:
 def read_bounded(file: Path, most_bytes: int = MOST_BYTES) -> bytes:
     """A file's bytes, unpacked where it is gzip.
 
-    Raises XmlInputError above `most_bytes`; OSError, EOFError, zlib.error.
+    Raises XmlInputError above `most_bytes`; OSError, EOFError, zlib.error where it cannot be read.
     """
     with gzip.open(file) if is_packed(file) else file.open("rb") as text:
         content = text.read(most_bytes + 1)
@@ -75,14 +75,14 @@ def read_bounded(file: Path, most_bytes: int = MOST_BYTES) -> bytes:
 
 
 class Bounded(io.RawIOBase):
-    """A stream that may not give more than `most_bytes`, for parsers that read in pieces."""
+    """A stream of at most `most_bytes`, for parsers that read in pieces."""
 
     def __init__(self, stream: io.BufferedIOBase, file: Path, most_bytes: int = MOST_BYTES) -> None:
         self._stream, self._file, self._left = stream, file, most_bytes
         self._most = most_bytes
 
     def read(self, size: int = -1) -> bytes:
-        """As of any stream. Raises XmlInputError when more has come than is allowed."""
+        """Read up to `size` bytes. Raises XmlInputError once more than `most_bytes` have been read."""
         piece = self._stream.read(size)
         self._left -= len(piece)
         if self._left < 0:

@@ -135,7 +135,7 @@ def test_a_run_on_an_extract(tmp_path: Path) -> None:
     ("name", "text", "words"),
     [
         ("a.osm", "<html></html>", "a.osm: begins with <html>, an OpenStreetMap extract begins with <osm>"),
-        ("a.xodr", "no XML", "a.xodr: is no XML, an OpenDRIVE file begins with <OpenDRIVE>"),
+        ("a.xodr", "no XML", "a.xodr: is not XML, an OpenDRIVE file begins with <OpenDRIVE>"),
         ("a.osm", '<!DOCTYPE osm [<!ENTITY e "x">]><osm/>', "declares the XML entity 'e'"),
         ("a.osm", '<osm version="0.6"></osm>', "a.osm: "),
         ("a.osm.gz", "<osm/>", "a.osm.gz: "),
