@@ -29,4 +29,6 @@ class LaneEstimate(NamedTuple):
     preview_heading_rad: Array  # e_L: lane heading minus vehicle heading there
     left_border_seen: Array  # bool: measured in this frame, not only carried on by the model
     right_border_seen: Array  # bool
+    left_bare_m: Array  # driven since paint of that border was seen near by; known also where not locked
+    right_bare_m: Array
     lane_shift: Array  # int8: +1 the estimate moved to the lane on the left since the last step, -1 right

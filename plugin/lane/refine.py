@@ -140,6 +140,7 @@ class Tuning(NamedTuple):
     least_rows: int = 4
     least_share: float = 0.1
     lock_rows: int = 16
+    near_m: float = 25.0  # so far ahead paint is near by
     odd_beyond_m: float = 0.4  # beyond a border, until which an odd strip there is no lane
     neighbour_share: float = 0.1  # of rows, from which on there is a lane beside
     next_std: float = 0.25  # of a neighbouring lane's width against the own lane's
@@ -173,6 +174,7 @@ class LaneState(NamedTuple):
     age: Array  # (n,) int32 frames since the start
     found: Array  # (n, 2) share of rows where the left and the right border was seen
     beside: Array  # (n, 2) share of rows where the outer line of the lane to the left, right was seen lately
+    bare_m: Array  # (n, 2) driven since paint of the left, the right border was seen near by; inf: never
     reach_m: Array  # (n,) how far ahead paint was seen lately
     share: Array  # (n, 2) what that usually is on this road
     proof: Array  # (n,) int32 frames since the start in which both borders were seen
@@ -191,6 +193,7 @@ def init(n: int) -> LaneState:
         np.zeros(n, np.int32),
         np.zeros((n, 2)),
         np.zeros((n, 2)),
+        np.full((n, 2), np.inf),
         np.zeros(n),
         np.zeros((n, 2)),
         np.zeros(n, np.int32),

@@ -369,6 +369,15 @@ def tally(work, side):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def nearest_found(side, rows, x, p, work):  # type: ignore[no-untyped-def]
+    """How far ahead the nearest paint of a border was seen, in m; inf for none."""
+    for r in range(rows.shape[0]):
+        if work.found[side, r]:
+            return row_ground(rows[r], x[PITCH], p)[0]
+    return math.inf
+
+
+@kernel
 def farthest_found(rows, x, p, work):  # type: ignore[no-untyped-def]
     """How far ahead paint was seen on either border, in m; the two farthest rows do not count."""
     count = 0

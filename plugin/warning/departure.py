@@ -10,6 +10,7 @@ warning is `rearm_s` ago.
 A look that stands alone does not warn: one step before, the time to crossing must have been near the
 threshold (`confirm_s` above it) or the wheel near the border. A true approach has been: no lead is lost. Nor
 does an estimate that the camera's looks have just contradicted (`consistent_s`): it may be another lane's.
+Nor is there a warning of a border that is only drawn on from paint far ahead, beyond a junction (`bare_m`).
 """
 
 from typing import NamedTuple
@@ -72,6 +73,11 @@ class DepartureSettings:
     )
     consistent_s: float = Field(
         0.2, ge=0, description="time without a contradicting camera measurement that is needed for a warning"
+    )
+    bare_m: float = Field(
+        15.0,
+        ge=0,
+        description="distance driven since paint of a border was seen nearby, beyond which it does not warn",
     )
     edge_m: float = Field(
         0.10, ge=0, description="a wheel this near the border is warned of whatever its time to crossing"
@@ -155,6 +161,7 @@ def numbers(settings: DepartureSettings, step_s: float = 0.1) -> DepartureNumber
         c.hysteresis_s,
         c.confirm_s,
         c.consistent_s,
+        c.bare_m,
         c.edge_m,
         c.least_drift_mps,
         c.earliest_m,
@@ -193,16 +200,21 @@ def step(
     state: DepartureState,
     crossing: Crossing,
     motion: MotionEstimate,
+    bare_m: tuple[Array, Array],
     speed_mps: Array,
     signal: Array,
     numbers: DepartureNumbers,
 ) -> tuple[DepartureState, DepartureWarning]:
-    """One step for n vehicles; signal (n,) is the turn signal, +1 left, -1 right, 0 none."""
+    """One step for n vehicles; signal (n,) is the turn signal, +1 left, -1 right, 0 none.
+
+    bare_m : of the left (n,) and the right border (n,), as in LaneEstimate.
+    """
     n = len(speed_mps)
     heading = motion.heading_error_rad
     drift = speed_mps * np.sin(heading) + motion.lateral_speed_mps * np.cos(heading)
     new, out = init(n), DepartureWarning(*(np.zeros(n, np.int8) for _ in range(4)))
     departure_kernels.step(
-        state, crossing, drift, motion.settled_s, motion.lane_shift, speed_mps, signal, numbers, new, out
-    )
+        state, crossing, drift, motion.settled_s, motion.lane_shift, bare_m, speed_mps, signal, numbers, new,
+        out,
+    )  # fmt: skip
     return new, out

@@ -227,6 +227,27 @@ def test_a_lane_that_vanishes_is_given_up_and_found_again():
     assert all(locked[28:])
 
 
+def test_how_far_it_is_since_paint_was_seen_near_by():
+    """As before a junction: the lines beyond it are followed, those beside the car have ended."""
+    n, drive = 2, Drive(2)
+    rng = np.random.default_rng(0)
+    state, bare = init(n), []
+    first_row = 239 - int(image_from_vehicle(32.0, 0.0, 0.0, P)[1])
+    for k in range(40):
+        drive.frame(np.zeros(n), np.zeros(n))
+        if 20 <= k < 30:  # nothing is painted within 32 m
+            near = drive.frames[:, first_row:]
+            near[:] = rng.normal(98, 3, near.shape)
+        state, lane = step(drive.frames, None, None, state, P, np.full(n, drive.speed), NO_SLIP)
+        assert lane.locked.all()
+        bare.append([lane.left_bare_m, lane.right_bare_m])
+    bare = np.array(bare)
+    driven = 0.1 * drive.speed * np.arange(1, 11)
+    assert bare[20:30] == pytest.approx(np.broadcast_to(driven[:, None, None], (10, 2, n)))
+    assert (bare[30:] == 0.0).mean() > 0.9
+    assert (bare[5:20] == 0.0).mean() > 0.9
+
+
 def test_a_border_behind_a_body_raises_no_doubt():
     """What is usually seen of it stays known, and the lane as well proven as it was."""
     n, drive = 2, Drive(2)
