@@ -13,22 +13,20 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import pandas as pd
 
-from analysis.camera_view import path_in_image
+from analysis.ahead import Ahead, Driven
 from analysis.film import Film
 from analysis.footage import Footage, FootageError, Recorded, frames, open_footage
 from analysis.overlay import draw
-from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera, Projection, projection
+from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera, projection
+from plugin.configuration import read_camera
 from plugin.lane import genetic, refine
 from plugin.lane.estimate import Borders, LaneEstimate
 from plugin.lane.geometry import lane_estimate_from_borders
 from plugin.lane.refine import Refine
-from plugin.motion import observer
-from plugin.motion.observer import ObserverSettings
-from plugin.motion.prediction import PredictionSettings, predict, predictor
 from sumo_net.randomness import stream_key
-from sumo_net.settings import SettingsError, read, read_toml
-from sumo_net.vehicle import Vehicle
+from sumo_net.settings import SettingsError
 
 Array = np.ndarray[Any, Any]
 
@@ -49,10 +47,13 @@ LANE_COLUMNS = [
     "curvature_1pm",
     "lane_width_m",
 ]
+WARNING_COLUMNS = ["tlc_s", "tlc_side", "ldw_state"]  # besides, where the speed is given
 POINT_COLUMNS = ["frame", "side", "x_px", "y_px"]
 POINT_ROWS_DOWN = np.arange(HEIGHT_PX - 5, 0, -5)  # every 5 rows, from near to far
 PAPER_ROWS = 150  # what the published search looks at
 
+_WHOLE = 0.98  # some containers miscount their frames
+UNKNOWN_MPS = 25.0  # where the speed is not given
 LOOKS_AT_FIRST = 3  # at a first frame: the start, and what confirms a weak one
 LOOKS_AT_STILL = 6
 CUT_GREY = 8.0  # mean change between images of a folder from which on they are different places
@@ -74,18 +75,19 @@ def detect(
     out: Path | str,
     overlay: Path | str | None = None,
     mode: str = "refined",
-    speed_mps: float = 25.0,
+    speed_mps: float | None = None,
 ) -> Path:
     """Find the lane in a video, a folder of images or an image; writes into `out` and returns it.
 
-    camera: a camera file, or a Camera for the 320x240 image. speed_mps: footage does not tell it. Raises
-    SettingsError for the camera or a setting, FootageError for footage that cannot be read.
+    camera: a camera file, or a Camera for the 320x240 image. speed_mps: footage does not tell it; without it
+    there are no times to crossing and no warnings, and the tracker and the overlay's path take UNKNOWN_MPS.
+    Raises SettingsError for the camera or a setting, FootageError for footage that cannot be read.
     """
     if mode not in MODES:
         raise SettingsError(f"mode = {mode!r}: allowed are {', '.join(MODES)}")
-    if not (math.isfinite(speed_mps) and 0.0 <= speed_mps <= 100.0):
+    if speed_mps is not None and not (math.isfinite(speed_mps) and 0.0 <= speed_mps <= 100.0):
         raise SettingsError(f"speed_mps = {speed_mps}: must be 0 to 100")
-    calibrated = camera if isinstance(camera, Camera) else _read_camera(Path(camera))
+    calibrated = camera if isinstance(camera, Camera) else read_camera(Path(camera))
     footage = open_footage(source)
     next(frames(footage), None)  # where not even the first can be read, nothing is written
     directory = Path(out)
@@ -97,28 +99,39 @@ def detect(
         lanes = stack.enter_context((directory / "lanes.csv").open("w", newline="", buffering=1))
         points = stack.enter_context((directory / "points.csv").open("w", newline="", buffering=1))
         lane_rows, point_rows = csv.writer(lanes), csv.writer(points)
-        lane_rows.writerow(LANE_COLUMNS)
+        lane_rows.writerow(LANE_COLUMNS if speed_mps is None else LANE_COLUMNS + WARNING_COLUMNS)
         point_rows.writerow(POINT_COLUMNS)
         film = stack.enter_context(Film(Path(overlay), footage.step_s)) if overlay is not None else None
-        path = _Path(calibrated, speed_mps, footage.step_s) if film is not None else None
-        for index, (recorded, found) in enumerate(_look(footage, calibrated, mode, speed_mps)):
-            lane_rows.writerow(_lane_row(index, recorded.time_s, found))
+        speed = UNKNOWN_MPS if speed_mps is None else speed_mps
+        driven = Driven(calibrated, speed, footage.step_s)
+        for index, (recorded, found, fresh) in enumerate(_look(footage, calibrated, mode, speed)):
+            ahead = driven.step(found.lane, fresh)
+            if speed_mps is None:
+                ahead = ahead._replace(tlc_s=math.nan, side="", state="")
+            warned = [] if speed_mps is None else _warning_row(ahead)
+            lane_rows.writerow(_lane_row(index, recorded.time_s, found) + warned)
             point_rows.writerows(_point_rows(index, found))
-            if film is not None and path is not None:
-                film.add(_drawn(recorded, found, path.of(found.lane)))
+            if film is not None:
+                film.add(_drawn(recorded, found, ahead))
     return directory
 
 
-def _read_camera(path: Path) -> Camera:
-    mapping = read_toml(path)
-    inner = mapping.get("camera", mapping)
-    if not isinstance(inner, dict):
-        raise SettingsError(f"{path}: camera = {inner!r}: must be a table of camera settings")
-    return read(Camera, inner, str(path))
+def summary(directory: Path, frame_count: int) -> list[str]:
+    """Lines on what `detect` has written; frame_count: of the footage, 0 where it is not stated."""
+    lanes = pd.read_csv(directory / "lanes.csv", keep_default_na=False)
+    lines = [f"{'frames':21} {len(lanes)}", f"{'lane found':21} {100 * lanes['lane_locked'].mean():.1f} %"]
+    if "ldw_state" in lanes:
+        warned = lanes["ldw_state"].str.startswith("warning")
+        lines.append(f"{'departure warnings':21} {(warned & ~warned.shift(fill_value=False)).sum()}")
+    if len(lanes) < _WHOLE * frame_count:
+        lines.append(f"note: {len(lanes)} of {frame_count} frames could be read: is the file cut short?")
+    return lines
 
 
-def _look(footage: Footage, camera: Camera, mode: str, speed_mps: float) -> Iterator[tuple[Recorded, Found]]:
-    """Every frame with what the lane detector of `mode` finds in it."""
+def _look(
+    footage: Footage, camera: Camera, mode: str, speed_mps: float
+) -> Iterator[tuple[Recorded, Found, bool]]:
+    """Every frame, what the lane detector of `mode` finds in it, and whether it begins another scene."""
     chain = _Paper(camera) if mode == "paper" else _Refined(camera, footage.step_s, speed_mps)
     cut = CUT_GREY if footage.images else CUT_GREY_VIDEO
     before: Array | None = None
@@ -127,7 +140,7 @@ def _look(footage: Footage, camera: Camera, mode: str, speed_mps: float) -> Iter
         fresh = before is None or float(np.abs(small - before).mean()) > cut
         before = small
         looks = LOOKS_AT_STILL if footage.is_still else LOOKS_AT_FIRST
-        yield recorded, chain.look(recorded.grey[None], fresh, looks)
+        yield recorded, chain.look(recorded.grey[None], fresh, looks), fresh
 
 
 class _Refined:
@@ -192,29 +205,6 @@ class _Paper:
         return Found(lane, borders, y, columns if lane.locked[0] else np.full_like(columns, np.nan))
 
 
-class _Path:
-    """The predicted path, by the observer and the predictor of a run, in the image."""
-
-    def __init__(self, camera: Camera, speed_mps: float, step_s: float) -> None:
-        self._projection: Projection = projection(camera)
-        self._speed = np.array([speed_mps])
-        vehicle = Vehicle()
-        preview = refine.preview_distance(self._projection)
-        self._schedule = observer.schedule(vehicle, preview, ObserverSettings(), step_s)
-        self._state = observer.init(1, self._schedule)
-        self._predictor = predictor(vehicle, PredictionSettings(horizon_s=2.0))
-
-    def of(self, lane: LaneEstimate) -> Array:
-        """(H, 2) column and y of the next 2 s."""
-        self._state, motion = observer.step(self._state, self._schedule, lane, self._speed)
-        ahead = predict(motion, self._speed, self._predictor)
-        if np.isfinite(ahead.left_m[0]).all():
-            return path_in_image(ahead.forward_m[0], ahead.left_m[0], self._projection)
-        # no motion is known yet, as in a still: on with the lane's curvature from the heading of now
-        forward = np.arange(1.0, 2.0 * self._speed[0] + 1.0)
-        return path_in_image(forward, 0.5 * lane.curvature_1pm[0] * forward**2, self._projection)
-
-
 def _lane_row(index: int, time_s: float, found: Found) -> list[str]:
     lane, borders = found.lane, found.borders
     locked = bool(lane.locked[0])
@@ -235,6 +225,10 @@ def _lane_row(index: int, time_s: float, found: Found) -> list[str]:
     ]
 
 
+def _warning_row(ahead: Ahead) -> list[str]:
+    return [f"{ahead.tlc_s:.3f}" if math.isfinite(ahead.tlc_s) else "", ahead.side, ahead.state]
+
+
 def _point_rows(index: int, found: Found) -> Iterator[list[str]]:
     for side, columns in zip(("left", "right"), found.columns, strict=True):
         for y, x in zip(found.rows, columns, strict=True):
@@ -242,7 +236,7 @@ def _point_rows(index: int, found: Found) -> Iterator[list[str]]:
                 yield [str(index), side, f"{x:.2f}", f"{HEIGHT_PX - 1.0 - y:.0f}"]
 
 
-def _drawn(recorded: Recorded, found: Found, path: Array) -> Array:
+def _drawn(recorded: Recorded, found: Found, ahead: Ahead) -> Array:
     lane = found.lane
     text = (
         f"offset {lane.lateral_offset_m[0]:+.2f} m  curvature {lane.curvature_1pm[0]:+.5f} 1/m  "
@@ -250,7 +244,11 @@ def _drawn(recorded: Recorded, found: Found, path: Array) -> Array:
         if lane.locked[0]
         else "no lane"
     )
-    return draw(recorded.picture, found.rows, found.columns, path, text)
+    if math.isfinite(ahead.tlc_s):
+        text += f"  crossing {ahead.side} in {ahead.tlc_s:.1f} s"
+    if ahead.state.startswith("warning"):
+        text += f"  {ahead.state.upper()}"
+    return draw(recorded.picture, found.rows, found.columns, ahead.path, text)
 
 
 __all__ = ["LANE_COLUMNS", "POINT_COLUMNS", "FootageError", "detect"]

@@ -178,4 +178,7 @@ def read_camera(path: Path) -> Camera:
     from sumo_net.settings import read_toml
 
     mapping = read_toml(path)
+    beside = [name for name in mapping if name != "camera"]
+    if "camera" in mapping and beside:
+        raise SettingsError(f"{path}: unknown key '{beside[0]}': a camera file has [camera] alone")
     return read(Camera, mapping.get("camera", mapping), str(path))

@@ -33,15 +33,27 @@ def detect(
         Mode, typer.Option(help="paper: the published search; refined: the default tracker.")
     ] = Mode.REFINED,
     speed: Annotated[
-        float, typer.Option("--speed", help="Speed of the vehicle in m/s.", min=0, max=100, metavar="V")
-    ] = 25.0,
+        float | None,
+        typer.Option(
+            "--speed",
+            help="Speed of the vehicle in m/s; adds times to lane crossing and warnings.",
+            min=0,
+            max=100,
+            metavar="V",
+        ),
+    ] = None,
 ) -> None:
     """Find the lane in recorded footage."""
+    from analysis.footage import open_footage
     from analysis.recorded import detect as detect_lanes
+    from analysis.recorded import summary
 
     with plain_errors(), told_where(out):
         refuse_to_mix(out, "run", "campaign")
         detect_lanes(source, camera, out, overlay=overlay, mode=mode.value, speed_mps=speed)
+        for line in summary(out, open_footage(source).frame_count):
+            typer.echo(line)
+        typer.echo(f"Tables: {out}")
 
 
 def calibrate(

@@ -9,10 +9,13 @@ import pytest
 
 from analysis import recorded
 from analysis.calibrate import propose
+from analysis.cli import main
 from analysis.footage import FootageError, frames, open_footage
 from analysis.recorded import LANE_COLUMNS, detect
 from camera_synth.camera import Camera
+from plugin.configuration import read_camera
 from sumo_net.settings import SettingsError
+from sumo_net.vehicle import Vehicle
 from tests.plugin.drawn_road import draw
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "udacity_lane_lines"
@@ -68,6 +71,83 @@ def test_a_picture_without_a_lane_gives_empty_fields(tmp_path):
     assert row["left_a"] == row["lateral_offset_m"] == ""
     assert table(tmp_path / "out" / "points.csv") == []
     assert (tmp_path / "seen.png").exists()
+
+
+DRIFT_MPS, SPEED_MPS = 0.5, 25.0
+CROSSING_S = (
+    0.5 * (3.75 - Vehicle().wheel_span_m) - Vehicle().front_axle_m * DRIFT_MPS / SPEED_MPS
+) / DRIFT_MPS
+
+
+@pytest.fixture
+def drifting(tmp_path):
+    """A folder of pictures, ten a second, of a car that leaves its lane to the left at CROSSING_S."""
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for k in range(round(10 * CROSSING_S)):
+        left = DRIFT_MPS * 0.1 * k
+        borders = (1.875 - left, -1.875 - left)
+        cv2.imwrite(str(folder / f"{k}.png"), draw(borders, slope=-DRIFT_MPS / SPEED_MPS, seed=k))
+    return folder
+
+
+def test_with_a_speed_come_the_time_to_crossing_and_the_warning(tmp_path, drifting):
+    detect(drifting, Camera(), tmp_path / "out", speed_mps=SPEED_MPS, overlay=tmp_path / "seen.avi")
+    rows = table(tmp_path / "out" / "lanes.csv")
+    last = rows[-10:]
+    assert {row["tlc_side"] for row in last} == {"left"}
+    for row in last:
+        assert float(row["tlc_s"]) == pytest.approx(CROSSING_S - float(row["time_s"]), abs=0.15)
+    states = [row["ldw_state"] for row in rows]
+    first = states.index("warning left")
+    assert 0.3 < CROSSING_S - float(rows[first]["time_s"]) < 1.5
+    assert set(states[first:]) == {"warning left"}
+
+
+def test_without_a_speed_there_is_no_time_to_crossing(tmp_path, drifting):
+    detect(drifting, Camera(), tmp_path / "out")
+    for row in table(tmp_path / "out" / "lanes.csv"):
+        assert row["lane_locked"] == "1"
+        assert list(row) == LANE_COLUMNS
+
+
+def test_a_video_that_ends_early_is_noted(tmp_path, capsys):
+    film = tmp_path / "whole.avi"
+    writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (320, 240))
+    for k in range(12):
+        writer.write(cv2.cvtColor(draw(seed=k), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    (tmp_path / "cut.avi").write_bytes(film.read_bytes()[: film.stat().st_size // 2])
+    camera = tmp_path / "camera.toml"
+    camera.write_text("height_m = 1.34\n")
+    for name, note in (("whole.avi", False), ("cut.avi", True)):
+        words = [
+            "detect",
+            tmp_path / name,
+            "--camera",
+            tmp_path / "camera.toml",
+            "--out",
+            tmp_path / name[:-4],
+        ]
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        assert not ended.value.code
+        said = capsys.readouterr().out
+        frames_read = len(table(tmp_path / name[:-4] / "lanes.csv"))
+        assert f"{'frames':21} {frames_read}" in said
+        assert f"{'lane found':21} 100.0 %" in said
+        assert ("of 12 frames could be read" in said) == note
+
+
+def test_what_a_camera_file_says_beside_the_camera_is_refused(tmp_path):
+    file = tmp_path / "camera.toml"
+    for text, unknown in (
+        ("[camera]\nheight_m = 1.3\n[lens]\nk1 = 0\n", "lens"),
+        ("height_m = 1.2\n[camera]\n", "height_m"),
+    ):
+        file.write_text(text)
+        with pytest.raises(SettingsError, match=f"unknown key '{unknown}'"):
+            read_camera(file)
 
 
 def test_a_folder_is_read_in_natural_order(tmp_path):
