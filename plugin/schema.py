@@ -39,7 +39,10 @@ TABLES: dict[str, tuple[Column, ...]] = {
         ),
         Column("true_heading_error_rad", "vehicle heading minus lane heading, left positive", decimals=6),
         Column(
-            "true_curvature_1pm", "lane curvature at the preview point (33.5 m), left positive", decimals=7
+            "true_curvature_1pm",
+            "lane curvature at the preview point (33.5 m), left positive; empty where the road ends or has "
+            "turned away by then",
+            decimals=7,
         ),
         Column("true_lateral_speed_mps", "v_y of the centre of gravity in the vehicle frame", decimals=5),
         Column("true_yaw_rate_rps", "yaw rate", decimals=6),
@@ -52,7 +55,10 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("true_cause", "what the driver does: see `cause` of departures", "text"),
         _flag("lane_locked", "the camera sees the lane"),
         Column(
-            "left_a", "left border x = a·y² + b·y + c in the 320x240 image, y up from the bottom", decimals=7
+            "left_a",
+            "left border x = a·y² + b·y + c in the 320x240 image, y up from the bottom; empty also where it "
+            "runs beside the image",
+            decimals=7,
         ),
         Column("left_b", "left border: slope at the bottom row", decimals=5),
         Column("left_c", "left border: image column at the bottom row", decimals=3),
