@@ -4,7 +4,7 @@ import contextlib
 import enum
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -55,6 +55,26 @@ def refuse_to_mix(out: Path, *kinds: Literal["run", "campaign"]) -> None:
     for kind in kinds:
         if (out / _HELD[kind]).exists():
             raise SettingsError(f"{out}: holds a {kind}'s tables: name another --out")
+
+
+@contextlib.contextmanager
+def told_of_compiling() -> Iterator[None]:
+    """Says once that kernels are compiled, where that has to be done."""
+    from numba.core import event
+
+    class Teller(event.Listener):
+        told = False
+
+        def on_start(self, event: Any) -> None:
+            if not self.told:
+                self.told = True
+                errors.print("compiling, once, up to a minute")
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Teller()):
+        yield
 
 
 @contextlib.contextmanager

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from analysis.commands.common import Mode, Out, plain_errors, refuse_to_mix, told_where
+from analysis.commands.common import Mode, Out, plain_errors, refuse_to_mix, told_of_compiling, told_where
 
 
 class LogFormat(enum.StrEnum):
@@ -48,7 +48,7 @@ def detect(
     from analysis.recorded import detect as detect_lanes
     from analysis.recorded import summary
 
-    with plain_errors(), told_where(out):
+    with plain_errors(), told_where(out), told_of_compiling():
         refuse_to_mix(out, "run", "campaign")
         detect_lanes(source, camera, out, overlay=overlay, mode=mode.value, speed_mps=speed)
         for line in summary(out, open_footage(source).frame_count):
@@ -73,7 +73,7 @@ def calibrate(
     """Propose a camera file, as TOML on standard output."""
     from analysis.calibrate import calibrate as propose
 
-    with plain_errors():
+    with plain_errors(), told_of_compiling():
         typer.echo(propose(images, lane_width_m=lane_width, height_m=height))
 
 
@@ -95,7 +95,7 @@ def track(
     from analysis.radar_formats import track_recording
     from analysis.radar_log import rmse
 
-    with plain_errors(), told_where(out):
+    with plain_errors(), told_where(out), told_of_compiling():
         refuse_to_mix(out, "run", "campaign")
         table = track_recording(log, out, filter_name, log_format.value, own_association)
         typer.echo(f"{'tracks':21} {table['track_id'].nunique()}")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from analysis.commands.common import Out, plain_errors, told_where
+from analysis.commands.common import Out, plain_errors, told_of_compiling, told_where
 
 
 def reproduce(
@@ -20,7 +20,7 @@ def reproduce(
     from analysis.published.experiments import EXPERIMENTS, reproduce_all
     from analysis.published.experiments import reproduce as run
 
-    with plain_errors(), told_where(out):
+    with plain_errors(), told_where(out), told_of_compiling():
         if listed:
             width = max(map(len, EXPERIMENTS))
             typer.echo("\n".join(f"{name:{width}}  {title}" for name, title in EXPERIMENTS.items()))

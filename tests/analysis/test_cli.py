@@ -9,11 +9,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
+import numba
 import numpy as np
 import pandas as pd
 import pytest
 
 from analysis.cli import main
+from analysis.commands.common import told_of_compiling
 from analysis.commands.recordings import LogFormat
 from analysis.radar_formats import FORMATS
 from plugin.record import read_table
@@ -255,6 +257,16 @@ def test_who_reads_no_further_ends_the_command_quietly() -> None:
     words = " ".join([*COMMAND[:2], f"'{COMMAND[2]}'", "scenarios"])
     done = subprocess.run(["bash", "-c", f"{words} | true"], capture_output=True, text=True, check=False)
     assert done.stderr == ""
+
+
+def test_compiling_is_announced_once_and_only_where_it_is_done(capsys: pytest.CaptureFixture[str]) -> None:
+    one_more, two_more = numba.njit(lambda x: x + 1), numba.njit(lambda x: x + 2)
+    with told_of_compiling():
+        assert one_more(1) + two_more(1) == 5
+    assert capsys.readouterr().err == "compiling, once, up to a minute\n"
+    with told_of_compiling():
+        assert one_more(1) == 2
+    assert capsys.readouterr().err == ""
 
 
 def test_the_commands_offer_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
