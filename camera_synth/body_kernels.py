@@ -1,4 +1,4 @@
-"""Bodies as boxes: the faces that the camera sees, as polygons in the image, far ones first."""
+"""Bodies as boxes: their visible faces as polygons in the image, far ones first."""
 
 import math
 from typing import Any, NamedTuple
@@ -21,25 +21,25 @@ _DARK = 22.0  # grey of tyres, and under a vehicle
 
 
 class Bodies(NamedTuple):
-    """Scratch for one vehicle: what it sees of the bodies around it, in painter's order."""
+    """Scratch for one vehicle: the visible bodies around it, in painter's order."""
 
-    used: Array  # (1,) int64, bodies in view
-    polygons: Array  # (M,) int64, of each
+    used: Array  # (1,) int64, number of bodies in view
+    polygons: Array  # (M,) int64, number of polygons of each
     vertex: Array  # (M, POLYGONS, _VERTICES, 2)
     vertices: Array  # (M, POLYGONS) int64
     bottom: Array  # (M, POLYGONS) image height of the lowest vertex
     top: Array  # (M, POLYGONS) of the highest
     grey: Array  # (M, POLYGONS)
     opacity: Array  # (M, POLYGONS)
-    whole: Array  # (M, POLYGONS) bool: a whole face, not its shadow nor what is on a face
+    whole: Array  # (M, POLYGONS) bool: a whole face, neither the shadow nor a panel on a face
     order: Array  # (M,) int64
     distance: Array  # (M,) m
-    panel: Array  # (PANELS, 5) of a face: shares of its width from and to, heights from and to in m, grey
-    corner: Array  # (4, 3) of a panel, for the camera: depth, to the right, up
+    panel: Array  # (PANELS, 5) of a face: fractions of its width from, to; heights from, to in m; grey
+    corner: Array  # (4, 3) of a panel, in the camera frame: depth, right, up
 
 
 class Box(NamedTuple):
-    """A body's ground for the camera: metres ahead of it and to its right."""
+    """A body's footprint, in metres ahead and to the right of the camera."""
 
     ahead: float  # of the middle
     right: float
@@ -71,7 +71,7 @@ def new_bodies(count):  # type: ignore[no-untyped-def]
 
 @kernel
 def place(bodies, objects, i, rows, p, look):  # type: ignore[no-untyped-def]
-    """Fill `bodies` with what vehicle i sees of its Objects on the lowest `rows` rows in its Look's light."""
+    """Fill `bodies` with the visible Objects of vehicle i on the lowest `rows` rows, lit by its Look."""
     count = objects.handle.shape[1]
     order, distance = bodies.order, bodies.distance
     found = 0
@@ -82,7 +82,7 @@ def place(bodies, objects, i, rows, p, look):  # type: ignore[no-untyped-def]
         away = math.sqrt(f * f + g * g)
         ahead, aside = p.cos_yaw * f + p.sin_yaw * g, abs(p.cos_yaw * g - p.sin_yaw * f)
         size = 0.5 * (objects.length_m[i, m] + objects.width_m[i, m]) + 1.0
-        # a cone somewhat wider than any camera's image that is centred within a quarter of its width
+        # a cone wider than the image of any camera whose principal point is within a quarter of the width
         if ahead + size < 0.0 or aside - size > (ahead + size) * 260.0 / p.focal:
             continue
         at = found
@@ -115,7 +115,7 @@ def _place_body(bodies, b, objects, i, m, rows, p, light, haze):  # type: ignore
     cf = cos_h * (p.forward - f) + sin_h * (p.left - g)
     cl = -sin_h * (p.forward - f) + cos_h * (p.left - g)
     if abs(cf) <= half_l and abs(cl) <= half_w:
-        return  # the camera would sit inside
+        return  # the camera is inside the body
     ahead, right = _on_ground(f - p.forward, g - p.left, p)
     along, aside = _on_ground(cos_h, sin_h, p), _on_ground(-sin_h, cos_h, p)
     reach = 0.15  # of the shadow under a vehicle
@@ -161,10 +161,9 @@ def _place_body(bodies, b, objects, i, m, rows, p, light, haze):  # type: ignore
 
 @kernel
 def _panels_of_vehicle(panel, side, height, half_l, tone):  # type: ignore[no-untyped-def]
-    """Fill panel[1:] with what is on a vehicle's side, 0 rear, 1 front; returns how many panels that makes.
+    """Fill panel[1:] with the panels on a vehicle's side (0 rear, 1 front, 2 left, 3 right).
 
-    The first is the side itself. A row each: shares of the face's width from and to, heights from and to in
-    metres, grey.
+    Returns the number of panels, the side itself, panel[0], included. Rows as in Bodies.panel.
     """
     car = height < 2.2 and half_l < 3.5
     glass = 38.0 + 12.0 * tone
@@ -192,13 +191,13 @@ def _put(panel, k, u0, u1, z0, z1, grey):  # type: ignore[no-untyped-def]
 
 @kernel
 def _on_ground(forward, left, p):  # type: ignore[no-untyped-def]
-    """(ahead, to the right) for the camera of a step on the ground in the vehicle frame."""
+    """(ahead, right) in the camera's direction of a ground vector in the vehicle frame."""
     return p.cos_yaw * forward + p.sin_yaw * left, p.sin_yaw * forward - p.cos_yaw * left
 
 
 @kernel
 def _corner_of(box, lengths, widths):  # type: ignore[no-untyped-def]
-    """(ahead, to the right) of a place so many half lengths and half widths from the middle of a Box."""
+    """(ahead, right) of the point `lengths` half lengths and `widths` half widths from a Box's middle."""
     return (
         box.ahead + lengths * box.length_ahead + widths * box.width_ahead,
         box.right + lengths * box.length_right + widths * box.width_right,
@@ -207,14 +206,14 @@ def _corner_of(box, lengths, widths):  # type: ignore[no-untyped-def]
 
 @kernel
 def _highest_seen(ahead, rows, p):  # type: ignore[no-untyped-def]
-    """Height above the road (m) so far ahead that the upper edge of the lowest `rows` rows shows."""
+    """Height above the road (m) that the upper edge of the lowest `rows` rows shows `ahead` metres ahead."""
     t = (rows - 0.5 - p.center_y) / p.focal_y
     return p.height + ahead * (t * p.cos_pitch - p.sin_pitch) / (p.cos_pitch + t * p.sin_pitch)
 
 
 @kernel
 def _out_of_image(box, height, rows, p):  # type: ignore[no-untyped-def]
-    """Whether a body is wholly beside or above the image, and no part of it near the camera's own place."""
+    """Whether a body is wholly beside or above the image, with no part nearer than _NEAREST_M."""
     left, right, above = True, True, True
     for q in range(4):
         ahead, aside = _corner_of(box, 1.0 if q & 1 else -1.0, 1.0 if q & 2 else -1.0)
@@ -230,7 +229,7 @@ def _out_of_image(box, height, rows, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def _see(corner, q, ahead, right, up, p):  # type: ignore[no-untyped-def]
-    """corner[q] (3,): depth, to the right and up for the camera of a point `up` metres above the road."""
+    """corner[q] (3,): depth, right and up in the camera frame of a point `up` metres above the road."""
     rise = up - p.height
     corner[q, 0] = p.cos_pitch * ahead - p.sin_pitch * rise
     corner[q, 1] = right
@@ -239,7 +238,7 @@ def _see(corner, q, ahead, right, up, p):  # type: ignore[no-untyped-def]
 
 @inlined
 def _polygon(bodies, b, p, grey, opacity, whole):  # type: ignore[no-untyped-def]
-    """Project the quadrilateral of bodies.corner, cut at the nearest depth, and keep it."""
+    """Project the quadrilateral bodies.corner, clipped at _NEAREST_M, and append it to body b's polygons."""
     q = bodies.polygons[b]
     if q >= POLYGONS:
         return
@@ -278,7 +277,7 @@ def _polygon(bodies, b, p, grey, opacity, whole):  # type: ignore[no-untyped-def
 
 @inlined
 def paint_bodies(canvas, first, end, bodies):  # type: ignore[no-untyped-def]
-    """Paint the bodies on image rows `first` to `end` - 1, which the canvas begins with."""
+    """Paint the bodies on image rows `first` to `end` - 1; the canvas begins with row `first`."""
     for b in range(bodies.used[0]):
         for q in range(bodies.polygons[b]):
             bottom, top = bodies.bottom[b, q], bodies.top[b, q]
@@ -291,7 +290,7 @@ def paint_bodies(canvas, first, end, bodies):  # type: ignore[no-untyped-def]
 
 @inlined
 def hide(column, bodies):  # type: ignore[no-untyped-def]
-    """Make column (rows,), a line's in each image row, NaN where a body (not its shadow) covers it."""
+    """Set column (rows,), a line's column per image row, to NaN where a body (not its shadow) covers it."""
     for b in range(bodies.used[0]):
         for q in range(bodies.polygons[b]):
             if not bodies.whole[b, q]:
@@ -301,7 +300,7 @@ def hide(column, bodies):  # type: ignore[no-untyped-def]
             least, most = math.inf, -math.inf
             for c in range(used):
                 least, most = min(least, vertex[c, 0]), max(most, vertex[c, 0])
-            least, most = least - 1.0, most + 1.0  # what lies on an edge is asked, however that is rounded
+            least, most = least - 1.0, most + 1.0  # so that rounding excludes nothing on an edge
             for y in range(max(math.ceil(bottom), 0), math.floor(min(top, column.shape[0] - 1.0)) + 1):
                 if least < column[y] < most:
                     left, right = _span(vertex, used, y)
@@ -311,7 +310,7 @@ def hide(column, bodies):  # type: ignore[no-untyped-def]
 
 @inlined
 def _span(vertex, used, y):  # type: ignore[no-untyped-def]
-    """(left, right) of a convex polygon at height y; left > right where it does not reach."""
+    """(left, right) of a convex polygon at height y; left > right above and below it."""
     left, right = math.inf, -math.inf
     for c in range(used):
         d = c + 1 if c + 1 < used else 0
@@ -324,7 +323,7 @@ def _span(vertex, used, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def _paint_polygon(canvas, lowest, end, vertex, used, bottom, top, grey, opacity):  # type: ignore[no-untyped-def]
-    """A convex polygon on image rows `lowest` to `end` - 1, by the share of each pixel that it covers."""
+    """Paint a convex polygon on image rows `lowest` to `end` - 1, by the share of each pixel it covers."""
     grey = np.float32(grey)
     first_row = math.floor(max(bottom, lowest - 0.5) + 0.5)
     for y in range(first_row, math.floor(min(top + 0.5, end - 1.0)) + 1):
@@ -346,7 +345,7 @@ def _paint_polygon(canvas, lowest, end, vertex, used, bottom, top, grey, opacity
 
 @inlined
 def _blend(part, from_left, to_right, most, share, grey):  # type: ignore[no-untyped-def]
-    """Blend grey into the pixels between two edges, by what they cover of each."""
+    """Blend grey into the pixels between two edges, by the share of each that is covered."""
     zero = np.float32(0.0)
     for x in range(part.shape[0]):
         f = np.float32(np.int32(x))

@@ -14,14 +14,14 @@ from sumo_net.compile import kernel
 from sumo_net.settings import settings
 
 WIDTH_PX, HEIGHT_PX = 320, 240
-PROCESSED_ROWS = 150  # from the bottom up; what lane detection looks at
-PROCESSED_FROM = HEIGHT_PX - PROCESSED_ROWS  # the array row where they begin
+PROCESSED_ROWS = 150  # rows from the bottom that lane detection reads
+PROCESSED_FROM = HEIGHT_PX - PROCESSED_ROWS  # their first array row
 
 
 @settings
 class Camera:
-    """Calibration of a forward camera. The defaults are inferred from Zhang et al. 2011 (no calibration is
-    printed): the optical axis meets the road 33.5 m ahead, the horizon lies at y = 157.
+    """Calibration of a forward camera. The defaults are inferred from Zhang et al. 2011, who give none: the
+    optical axis meets the road 33.5 m ahead, the horizon lies at y = 157.
     """
 
     height_m: float = Field(1.34, gt=0, le=5, description="height above the road")
@@ -47,22 +47,24 @@ class Camera:
 
     @property
     def vertical_focal_px(self) -> float:
-        """The focal length that holds along the columns."""
+        """The vertical focal length, px."""
         return self.focal_px if self.focal_y_px is None else self.focal_y_px
 
     @property
     def preview_m(self) -> float:
-        """D_L: from the centre of gravity to where the optical axis meets the road.
+        """D_L: distance in m from the centre of gravity to where the optical axis meets the road.
 
         Raises ValueError for a camera that looks up or level.
         """
         if self.pitch_rad <= 0.0:
-            raise ValueError(f"pitch_rad = {self.pitch_rad}: a preview point needs a camera that looks down")
+            raise ValueError(
+                f"pitch_rad = {self.pitch_rad}: must be above 0 (camera that looks down) for a preview point"
+            )
         return self.forward_m + self.height_m / math.tan(self.pitch_rad) * math.cos(self.yaw_rad)
 
 
 class Projection(NamedTuple):
-    """The camera's numbers as kernels take them."""
+    """The camera's parameters as kernels take them."""
 
     focal: float
     center_x: float
@@ -74,11 +76,11 @@ class Projection(NamedTuple):
     sin_yaw: float
     forward: float
     left: float
-    focal_y: float  # along the columns; `focal` holds along the rows
+    focal_y: float  # vertical; `focal` is the horizontal one
 
 
 def projection(camera: Camera) -> Projection:
-    """The kernel's view of a camera."""
+    """Kernel parameters of a camera."""
     return Projection(
         camera.focal_px,
         camera.center_x_px,

@@ -1,7 +1,7 @@
-"""What the camera sees by: light, weather, paint and sensor, every strength a setting.
+"""Viewing conditions: light, weather, paint and sensor, all adjustable.
 
-Grey values are those of the 8-bit image before noise. Lengths of the patterns are on the ground. What stands
-in the world (shadows, wear, texture, overpasses) depends on `world_seed` and the place only, so that every
+Grey values are those of the 8-bit image before noise. Lengths of patterns are on the ground. What is fixed in
+the world (shadows, wear, texture, overpasses) depends only on `world_seed` and position, so that every
 vehicle sees the same; what belongs to the camera (noise, drift) depends on the vehicle's key and the frame.
 """
 
@@ -83,8 +83,8 @@ class Condition:
 
 _PRESETS: dict[str, dict[str, Any]] = {
     "clear": {},
-    # Calibrated on the published search: Zhang et al. 2011 report 100 % in good and over 90 % in complex
-    # conditions; on the scenario `straight` (seeds 1, 2) it reaches 91.5 % in `clear` and 84.3 % here.
+    # Calibrated with the published search, for which Zhang et al. 2011 report 100 % in good and over 90 % in
+    # complex conditions. In the scenario `straight` (seeds 1, 2) it reaches 91.5 % in `clear`, 84.3 % here.
     "complex": {
         "asphalt_grey": 92.0,
         "visibility_m": 800.0,
@@ -145,19 +145,19 @@ PRESETS = tuple(_PRESETS)
 
 
 def preset_settings(name: str) -> dict[str, Any]:
-    """What the named condition sets. Raises ValueError for a name that is not in PRESETS."""
+    """Settings of a preset that differ from `clear`. Raises ValueError for a name that is not in PRESETS."""
     if name not in _PRESETS:
         raise ValueError(f"condition = {name!r}: known are {', '.join(PRESETS)}")
     return dict(_PRESETS[name])
 
 
 def preset(name: str, **changes: Any) -> Condition:
-    """The named condition with some settings changed. Raises ValueError for a name that is not in PRESETS."""
+    """A preset with some settings changed. Raises ValueError for a name that is not in PRESETS."""
     return Condition(**{**preset_settings(name), **changes})
 
 
 class Looks(NamedTuple):
-    """Conditions as kernels take them: a Condition's numbers for each of n vehicles, (n,) each."""
+    """Conditions as kernels take them: the settings of each of n vehicles, (n,) each."""
 
     world_seed: Array  # int64; the others float64, named as in Condition
     asphalt_grey: Array
@@ -191,7 +191,7 @@ class Looks(NamedTuple):
 
 
 class Look(NamedTuple):
-    """The same for one vehicle, as scalars: what the kernels of one row take."""
+    """The same for one vehicle, as scalars."""
 
     world_seed: int
     asphalt_grey: float
@@ -261,7 +261,7 @@ def look_of(looks, i):  # type: ignore[no-untyped-def]
 
 
 def looks(condition: Condition, count: int) -> Looks:
-    """The same condition for `count` vehicles; `batch.join` puts fleets of different ones together."""
+    """One condition for `count` vehicles; `batch.join` combines fleets with different ones."""
     numbers = dataclasses.asdict(condition)
     seed = np.full(count, numbers.pop("world_seed"), np.int64)
     return Looks(seed, **{name: np.full(count, float(value)) for name, value in numbers.items()})

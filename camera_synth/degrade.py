@@ -1,8 +1,8 @@
-"""Patterns in the world, and slow changes in time: smooth noise from counter-based hashes, without state.
+"""Patterns in the world and slow changes in time: smooth noise from counter-based hashes, without state.
 
-Patterns vary slowly across a row, so they are worked out on nodes NODE_PX columns apart and interpolated;
-octaves shorter than the ground that a row spans fade out, which leaves no wavelength under 24 columns of a
-925 px camera.
+Patterns vary slowly across a row, so they are evaluated at nodes NODE_PX columns apart and interpolated.
+Octaves shorter than the ground that a row spans are faded out; with a focal length of 925 px this leaves no
+wavelength below 24 columns.
 """
 
 import math
@@ -25,7 +25,7 @@ _M1, _M2 = np.uint32(0x21F0AAAD), np.uint32(0x735A2D97)
 
 
 def _times(typing, a, b):  # type: ignore[no-untyped-def]
-    """a · b mod 2³² of two uint32 in 32 bits (numba's own product is of 64, which halves the vectors)."""
+    """a · b mod 2³² of two uint32, in 32 bits (numba's own product has 64, which halves the vectors)."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return builder.mul(*arguments)
@@ -45,7 +45,7 @@ def _lattice(hu, hv):  # type: ignore[no-untyped-def]
 
 @kernel
 def _between(hu, hv, a, b):  # type: ignore[no-untyped-def]
-    """Smooth noise in [-1, 1] in a cell of the lattice: shares a and b of its sides from point (hu, hv)."""
+    """Smooth noise in [-1, 1] in a lattice cell, at fractions a and b of its sides from point (hu, hv)."""
     two, three = np.float32(2.0), np.float32(3.0)
     hu1, hv1 = np.uint32(hu + _P1), np.uint32(hv + _P2)
     a = a * a * (three - two * a)
@@ -60,8 +60,8 @@ def _between(hu, hv, a, b):  # type: ignore[no-untyped-def]
 def noise_line(out, u, v, du, dv, seed):  # type: ignore[no-untyped-def]
     """out[i] = N(u + i du, v + i dv) for smooth noise N in [-1, 1] on the unit lattice.
 
-    out (m,) float32; u, v float64 lattice coordinates of its first point; seed integer. A loop that counts in
-    32 bits takes half the time, and what is left of eight points as long as eight.
+    out (m,) float32; u, v float64 lattice coordinates of its first point; seed integer. A 32-bit loop counter
+    halves the time; a remainder of fewer than eight points costs as much as eight.
     """
     cell_u, cell_v = np.floor(u), np.floor(v)
     u0, v0 = np.float32(u - cell_u), np.float32(v - cell_v)
@@ -97,7 +97,7 @@ def lattice_unit(cell, seed):  # type: ignore[no-untyped-def]
 
 @kernel
 def fade(wavelength, footprint):  # type: ignore[no-untyped-def]
-    """1 where a footprint (m) resolves a wavelength (m) with four samples, 0 from two samples on."""
+    """1 where a footprint (m) samples a wavelength (m) at least four times, 0 where twice or less."""
     return min(max(2.0 - 4.0 * footprint / wavelength, 0.0), 1.0)
 
 
@@ -110,7 +110,7 @@ def soft_step(t):  # type: ignore[no-untyped-def]
 
 @kernel
 def interpolate(nodes, out):  # type: ignore[no-untyped-def]
-    """Spread nodes (at least WIDTH_PX / NODE_PX + 1,) linearly over the columns, out (WIDTH_PX,); float32."""
+    """Interpolate nodes (at least WIDTH_PX / NODE_PX + 1,) linearly to columns, out (WIDTH_PX,); float32."""
     step = np.float32(1.0 / NODE_PX)
     for i in range(WIDTH_PX // NODE_PX):
         at = nodes[i]
@@ -121,7 +121,7 @@ def interpolate(nodes, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def smooth_walk(key, time):  # type: ignore[no-untyped-def]
-    """A smooth random function of time in [-1, 1], independent from one unit of time to the next but one."""
+    """A smooth random function of time in [-1, 1]; values two units of time apart are independent."""
     cell = np.int64(np.floor(time))
     t = soft_step(time - cell)
     low = np.float64(bits(key, cell) >> np.uint64(11)) * 2.0**-52 - 1.0

@@ -1,4 +1,4 @@
-"""The road's lines as curves over the ground distance, and how much of a pixel each of them covers.
+"""The road's lines as curves over the ground distance, and the share of each pixel that they cover.
 
 Camera frame on the ground: `ahead` along the camera's horizontal direction, `aside` to its left, origin below
 the camera. An image row is a line of constant `ahead`, so a line of the road is tabulated as aside(ahead): a
@@ -20,8 +20,8 @@ Array = np.ndarray[Any, Any]
 RIGHT_EDGE, LEFT_EDGE, PATH = MAX_BORDERS, MAX_BORDERS + 1, MAX_BORDERS + 2
 CURVES = MAX_BORDERS + 3
 FARTHEST_M = 3000.0  # rows that reach beyond are drawn as if they ended there
-VECTOR = 16  # float32 that are worked out together, at most
-_MIN_FORWARD = 0.05  # cosine between a line and the camera's direction from which on the line is not followed
+VECTOR = 16  # float32 values in the longest vector register
+_MIN_FORWARD = 0.05  # least cosine between a line and the camera's direction for following the line
 
 
 class Curves(NamedTuple):
@@ -32,12 +32,12 @@ class Curves(NamedTuple):
     start: Array  # (CURVES, J) ahead where a piece begins; entry `last` is the last one's end
     cubic: Array  # (CURVES, J, 4) aside over ahead - start
     offset: Array  # (CURVES, J) left of the path; stays 0 for the path itself
-    kind: Array  # (CURVES, J) int8, 0 for nothing there
+    kind: Array  # (CURVES, J) int8, 0: nothing
     pose: Array  # (J, 5) of the path at each sample: ahead, aside, cosine and sine of its heading, curvature
     station: Array  # (J,) at each sample
     length: Array  # (J,) from a sample to the next
-    advance: Array  # (J,) the same as the edge counts it; the length where the next edge counts anew
-    goes_on: Array  # (1,) bool: the samples end before the road does
+    advance: Array  # (J,) the same by edge-anchored stations; the length where the next edge restarts them
+    goes_on: Array  # (1,) bool: the road goes on beyond the last sample
 
 
 class Crossings(NamedTuple):
@@ -47,7 +47,7 @@ class Crossings(NamedTuple):
     """
 
     ahead: Array  # (rows + 1,)
-    magnify: Array  # (rows + 1,) columns per metre to the side
+    magnify: Array  # (rows + 1,) columns per metre sideways
     kind: Array  # (CURVES, rows + 1) int8, 0 where the curve does not cross
     column: Array  # (CURVES, rows + 1)
     scale: Array  # (CURVES, rows + 1) columns per metre across the curve
@@ -114,7 +114,7 @@ def tabulate(curves, road, i, p):  # type: ignore[no-untyped-def]
     for j in range(first, known - 1):
         chord = math.sqrt((pose[j + 1, 0] - pose[j, 0]) ** 2 + (pose[j + 1, 1] - pose[j, 1]) ** 2)
         turn = 0.5 * (bend[j] + bend[j + 1]) * chord
-        length = chord * (1.0 + turn * turn / 24.0)  # arc over its chord
+        length = chord * (1.0 + turn * turn / 24.0)  # arc length from the chord
         counted = station[j + 1] - station[j]
         curves.length[j] = length
         curves.advance[j] = counted if abs(counted - length) < 0.3 * length else length
@@ -193,7 +193,7 @@ def row_line(y, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def lay(crossings, lowest, p):  # type: ignore[no-untyped-def]
-    """The ground lines of `crossings`; entry e is at height `lowest` + e."""
+    """Set the ground lines of `crossings`; entry e is at image height `lowest` + e."""
     for e in range(crossings.ahead.shape[0]):
         crossings.ahead[e], depth = row_line(np.float64(lowest + e), p)
         crossings.magnify[e] = p.focal / depth
@@ -201,7 +201,7 @@ def lay(crossings, lowest, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def cross(crossings, curves, p):  # type: ignore[no-untyped-def]
-    """Fill `crossings`, laid, from `curves` for a camera with Projection p."""
+    """Fill `crossings`, prepared by `lay`, from `curves` for a camera with Projection p."""
     for k in range(CURVES):
         cross_curve(crossings, curves, k, p)
 
@@ -253,9 +253,9 @@ def _cross_curve(crossings, k, curves, first, last, endless, p):  # type: ignore
 
 @kernel
 def whole_vectors(first, end):  # type: ignore[no-untyped-def]
-    """(first, end) of the vectors that hold these pixels, within a row; empty where none of them lies in it.
+    """(first, end) of the whole vectors that contain these pixels of a row; empty where none is in it.
 
-    Loops over whole vectors have no remainder; they have to leave the pixels beside as they are.
+    Loops over whole vectors have no remainder; they must not change the other pixels in them.
     """
     first, end = min(max(first, 0), WIDTH_PX), min(max(end, 0), WIDTH_PX)
     return first // VECTOR * VECTOR, (end + VECTOR - 1) // VECTOR * VECTOR
@@ -265,7 +265,7 @@ def whole_vectors(first, end):  # type: ignore[no-untyped-def]
 def _right_of(a, b, per_width):  # type: ignore[no-untyped-def]
     """Mean of clip(t, 0, 1) over t from b to a = b + 1 / per_width: the share of a pixel right of an edge.
 
-    The edge moves over the row's height from a to b left of the pixel's right side.
+    Over the row's height, the edge's distance left of the pixel's right side goes from a to b.
     """
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     low_a, low_b = min(max(a, zero), one), min(max(b, zero), one)
@@ -274,7 +274,7 @@ def _right_of(a, b, per_width):  # type: ignore[no-untyped-def]
 
 @kernel
 def _apart(e0, e1):  # type: ignore[no-untyped-def]
-    """The ends of an edge, the lesser first, at least so far apart that float32 tells them."""
+    """The ends of an edge, the lesser first, far enough apart for float32."""
     middle, half = 0.5 * (e0 + e1), max(0.5 * abs(e1 - e0), 0.005)
     return middle - half, middle + half
 
@@ -298,10 +298,10 @@ def paint_band(row, l0, l1, r0, r1, grey, opacity):  # type: ignore[no-untyped-d
 
 @kernel
 def paint_dashes(row, l0, l1, r0, r1, phase, length, stroke, period, grey, opacity):  # type: ignore[no-untyped-def]
-    """As paint_band, for a line painted where (station mod period) < stroke; from `phase` on for `length`.
+    """As paint_band, for a line painted where (station mod period) < stroke.
 
-    A stroke that begins or ends in the row covers its part of the row's trapezoid; rows longer than a period
-    get the painted share.
+    The row spans `length` from `phase` on. A stroke that begins or ends in the row covers its part of the
+    row's trapezoid; rows longer than a period get the share of paint in them.
     """
     if length >= period:
         whole = math.floor((phase + length) / period)

@@ -14,7 +14,7 @@ from sumo_net.compile import inlined, kernel
 
 @kernel
 def cast_light(grid, rows, ground, crossings, look, view, p):  # type: ignore[no-untyped-def]
-    """The light on the lowest `rows` rows, on `grid` (rows, ROOM); whether it is not just daylight."""
+    """Light on the lowest `rows` rows into `grid` (rows, ROOM); returns False for uniform daylight."""
     if look.shadow <= 0.0 and look.overpass <= 0.0 and look.headlight <= 0.0:
         return False
     if look.shadow > 0.0:
@@ -38,7 +38,7 @@ def light_ground(canvas, grid, uneven, first, end, light, crossings, look):  # t
 
     light: float32 scratch (WIDTH_PX,).
     """
-    daylight = 1.0 if look.headlight > 0.0 else look.ambient  # headlights have it counted in
+    daylight = 1.0 if look.headlight > 0.0 else look.ambient  # `_headlights` includes it in the grid
     for y in range(first, end):
         keep = look.visibility_m / (look.visibility_m + 0.5 * (crossings.ahead[y] + crossings.ahead[y + 1]))
         haze = np.float32(look.haze_grey * look.ambient * (1.0 - keep))
@@ -54,7 +54,7 @@ def light_ground(canvas, grid, uneven, first, end, light, crossings, look):  # t
 
 @kernel
 def _headlights(node, look, strip):  # type: ignore[no-untyped-def]
-    """Turn the share of daylight in `node` into light, with the headlights'."""
+    """Turn the share of daylight in `node` into light, that of the headlights added."""
     fall = 1.0 + strip.ahead / look.headlight_reach_m
     beam, width = look.headlight / (fall * fall), 2.0 + 0.18 * strip.ahead
     for m in range(NODES):
@@ -64,7 +64,7 @@ def _headlights(node, look, strip):  # type: ignore[no-untyped-def]
 
 @kernel
 def _overpass_shadow(node, y, crossings, look, strip):  # type: ignore[no-untyped-def]
-    """Take the overpass's share of the light where the row lies in its shadow, a band across the road."""
+    """Reduce the light where the row lies in the overpass's shadow, a band across the road."""
     s0, s1 = crossings.station[PATH, y], crossings.station[PATH, y + 1]
     middle, half = 0.5 * (s0 + s1), 0.5 * max(strip.footprint, 0.6)
     near, far = overpass_at(middle, look.overpass_spacing_m, look.world_seed)
@@ -86,12 +86,12 @@ def _overpass_shadow(node, y, crossings, look, strip):  # type: ignore[no-untype
 def _tree_shadow(grid, rows, ground, look, view, p):  # type: ignore[no-untyped-def]
     """Set `grid` to the share of light that trees leave.
 
-    Two octaves stretched along the sun's direction, and a slow one that says where trees stand at all.
+    Two octaves stretched along the sun's direction, and one of long wavelength for where there are trees.
     """
     s, c = math.sin(look.sun_azimuth_rad + 1.1), math.cos(look.sun_azimuth_rad + 1.1)
     seed = look.world_seed
     grid[:rows] = 0.0
-    # of the slow one, rows fade out only where no ground is seen any more
+    # the long one fades out only in rows that show no ground
     add_octave(grid, rows, ground, Octave(1.0 / 60.0, 0.0, 0.0, 1.0 / 60.0, 60.0, 4, seed + 31, 0.8), view, p)
     for k in range(2):
         u, v, stride, amplitude = (11.0, 5.0, 2, 0.8) if k == 0 else (2.2, 1.2, 1, 0.45)
@@ -111,7 +111,7 @@ def _tree_shadow(grid, rows, ground, look, view, p):  # type: ignore[no-untyped-
 
 @kernel
 def overpass_at(station, spacing, seed):  # type: ignore[no-untyped-def]
-    """(near, far) stations of the overpass in this stretch of an edge."""
+    """(near, far) stations of the overpass in the stretch of length `spacing` around a station."""
     cell = math.floor(station / spacing)
     draw = lattice_unit(np.int64(cell), seed + 41)
     near = (cell + 0.15 + 0.6 * draw) * spacing

@@ -1,8 +1,8 @@
 """Patterns on the ground as a camera sees them: octaves of smooth noise on a grid of rows and nodes.
 
-An octave is worked out only where it changes: on rows a SAMPLES-th of its wavelength apart on the ground, and
-on every `stride`-th node of those. Between them it is linear, along the line of sight as across it. Near the
-vehicle, where a row spans a few centimetres, that leaves out most of the long waves' points.
+An octave is evaluated on rows a SAMPLES-th of its wavelength apart on the ground, at every `stride`-th node,
+and interpolated linearly between them. Near the vehicle, where a row spans a few centimetres, that saves most
+evaluations of long waves.
 """
 
 from typing import NamedTuple
@@ -15,9 +15,9 @@ from camera_synth.ground_kernels import VECTOR, row_line
 from sumo_net.compile import inlined, kernel
 
 NODES = WIDTH_PX // NODE_PX + 1  # of a row
-ROOM = VECTOR * ((NODES + VECTOR - 1) // VECTOR)  # the same, filled up to whole vectors
-SAMPLES = 6.0  # rows a wavelength, at least, where the image has as many
-STRIDES = (1, 2, 4)  # that divide the number of nodes
+ROOM = VECTOR * ((NODES + VECTOR - 1) // VECTOR)  # the same, rounded up to whole vectors
+SAMPLES = 6.0  # least number of rows per wavelength, where the image has as many
+STRIDES = (1, 2, 4)  # of nodes
 
 
 class Octave(NamedTuple):
@@ -27,17 +27,17 @@ class Octave(NamedTuple):
     u_y: float
     v_x: float
     v_y: float
-    wavelength: float  # m, the shortest; where a row spans more than half of it, there is nothing
+    wavelength: float  # m, the shortest; rows that span more than half of it have none of the octave
     stride: int  # of STRIDES
     seed: int
     amplitude: float
 
 
 class Ground(NamedTuple):
-    """The ground as the rows of one camera's image show it, the same for every vehicle."""
+    """The ground distances of one camera's image rows, the same for every vehicle."""
 
     ahead: np.ndarray  # (rows,) m from the camera to the middle of a row
-    footprint: np.ndarray  # (rows,) m of it that a row spans
+    footprint: np.ndarray  # (rows,) m of ahead that a row spans
     node: np.ndarray  # (ROOM,) float32 scratch
     low: np.ndarray  # the same
     high: np.ndarray  # the same
@@ -63,7 +63,7 @@ def ground_of(rows, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def add_octave(grid, rows, ground, octave, view, p):  # type: ignore[no-untyped-def]
-    """grid[y] += amplitude · N on the lowest `rows` rows; returns how many rows the octave reaches.
+    """grid[y] += amplitude · N on the lowest `rows` rows; returns the number of rows with the octave.
 
     grid (rows, ROOM) float32. The octave fades out where a row spans more than a quarter of its wavelength.
     """
@@ -95,7 +95,7 @@ def add_octave(grid, rows, ground, octave, view, p):  # type: ignore[no-untyped-
 
 @inlined
 def _noise_row(out, node, ahead, octave, view, p):  # type: ignore[no-untyped-def]
-    """The octave on the nodes of the ground line `ahead` of the camera; `node` is scratch."""
+    """The octave at the nodes of the ground line `ahead` metres from the camera; `node` is scratch."""
     stride = octave.stride
     depth = p.cos_pitch * ahead + p.sin_pitch * p.height
     aside, step = p.center_x * depth / p.focal, -depth / p.focal * (NODE_PX * stride)

@@ -1,4 +1,4 @@
-"""Where the fleet is in the world, as the camera needs it."""
+"""Poses of the fleet's vehicles in the world."""
 
 from typing import Any, NamedTuple, Protocol
 
@@ -8,7 +8,7 @@ Array = np.ndarray[Any, Any]
 
 
 class Pose(NamedTuple):
-    """Where n vehicles' centres of gravity are in the world, (n,) each."""
+    """World poses of n vehicles' centres of gravity, (n,) each."""
 
     x_m: Array
     y_m: Array
@@ -16,7 +16,7 @@ class Pose(NamedTuple):
 
 
 class Placed(Protocol):
-    """What is needed of the vehicles: a Pose has it, and so has sumo_net.ego.EgoTruth."""
+    """World poses of n vehicles; Pose and sumo_net.ego.EgoTruth have them."""
 
     @property
     def x_m(self) -> Array:

@@ -1,4 +1,4 @@
-"""The road camera of a fleet: 8-bit grey frames from the road, the bodies around, the pose and the day."""
+"""The road camera of a fleet: 8-bit grey frames from road, surrounding bodies, pose and conditions."""
 
 from typing import Any
 
@@ -34,22 +34,21 @@ def render(
     first_row: int = 0,
     truth: tuple[Array, BorderColumns] = NO_TRUTH,
 ) -> None:
-    """Draw what n vehicles' cameras see into frames (n, 240, 320) uint8; array row = 239 - y.
+    """Render the camera images of n vehicles into frames (n, 240, 320) uint8; array row = 239 - y.
 
-    keys (n,) uint64: each vehicle's `stream_key(seed, vehicle_id, "camera")`; frame_counter (n,) int64: the
-    frame's number, from which noise and slow changes of the exposure follow. Array rows above `first_row` are
-    left as they are (PROCESSED_FROM draws what lane detection needs); the others are the same bytes for any
-    `first_row`, and for any slicing of the fleet. truth: right slots (n,) int64 and BorderColumns of n lanes,
-    which are filled as `truth.border_columns` does, for less than a call of it costs. All arrays
-    C-contiguous; releases the GIL.
+    keys (n,) uint64: each vehicle's `stream_key(seed, vehicle_id, "camera")`; frame_counter (n,) int64:
+    number of the frame, which determines its noise and exposure drift. Array rows above `first_row` are not
+    written (PROCESSED_FROM renders what lane detection needs); the others are the same bytes for any
+    `first_row` and any slicing of the fleet. truth: right slots (n,) int64 and BorderColumns of n lanes,
+    filled as by `truth.border_columns`, at less cost. All arrays C-contiguous; releases the GIL.
 
     Raises ValueError for frames of another shape or a first_row outside them.
     """
     n = len(keys)
     if frames.shape != (n, HEIGHT_PX, WIDTH_PX) or frames.dtype != np.uint8:
         raise ValueError(
-            f"frames {frames.dtype} {frames.shape}: uint8 ({n}, {HEIGHT_PX}, {WIDTH_PX}) is needed, as "
-            "new_frames makes it"
+            f"frames {frames.dtype} {frames.shape}: must be uint8 ({n}, {HEIGHT_PX}, {WIDTH_PX}), as from "
+            "new_frames"
         )
     if not 0 <= first_row < HEIGHT_PX:
         raise ValueError(f"first_row = {first_row}: allowed are 0 to {HEIGHT_PX - 1}")

@@ -1,4 +1,4 @@
-"""The layers of a frame in their order: ground, markings, light, sky, bodies, sensor."""
+"""The layers of a frame in order: ground, markings, light, sky, bodies, sensor."""
 
 import math
 
@@ -21,14 +21,14 @@ from camera_synth.surface_kernels import (
 from camera_synth.truth_kernels import locate
 from sumo_net.compile import kernel
 
-BLOCK_ROWS = 16  # painted layer by layer: the canvas, 20 KB, stays in the first cache
+BLOCK_ROWS = 16  # painted layer by layer: the canvas, 20 KB, stays in the first-level cache
 
 
 @kernel
 def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, looks, keys, counters, truth):  # type: ignore[no-untyped-def]
     """Fill frames (n, height, width) uint8 from array row `first_row` down; see render.render.
 
-    truth: right slots (n,) and BorderColumns of n vehicles, filled too; of none where not wanted.
+    truth: right slots (n,) and BorderColumns of n vehicles, filled too; of 0 vehicles if not wanted.
     """
     n, height, width = frames.shape
     rows = height - first_row
@@ -77,7 +77,7 @@ def render_fleet(frames, first_row, p, road, objects, x_m, y_m, heading_rad, loo
 
 @kernel
 def _trace_skyline(skyline, view, p, seed):  # type: ignore[no-untyped-def]
-    """Height of the trees above the horizon in each column, the same in each direction of the world."""
+    """Height of the trees above the horizon in each column, a function of the world direction."""
     for x in range(skyline.shape[0]):
         aside = (p.center_x - x) / p.focal
         dx, dy = view.cos - view.sin * aside, view.sin + view.cos * aside

@@ -1,4 +1,4 @@
-"""From the light on a row to 8-bit grey: exposure, vignetting, veil of glare, noise."""
+"""From the light on a row to 8-bit grey: exposure, vignetting, veiling glare, noise."""
 
 import math
 from typing import Any, NamedTuple
@@ -22,19 +22,19 @@ _BYTE_SUM_MEAN, _BYTE_SUM_DEVIATION = 510, 147.79885  # of four independent byte
 
 
 class Exposure(NamedTuple):
-    """How one vehicle's camera takes this frame."""
+    """Exposure of one frame of one vehicle's camera."""
 
     gain: float
     offset: float  # grey levels
     vignetting: float  # share of the light lost in the corners
-    glare: float  # share of the contrast lost where the sun stands
+    glare: float  # share of the contrast lost at the sun's position
     sun_x: float  # px
     sun_y: float
     noise: float  # standard deviation, grey levels
 
 
 class Lens(NamedTuple):
-    """What is the same in every frame, and scratch for a row."""
+    """Constants of all frames, and scratch for a row."""
 
     columns: Array  # (WIDTH_PX,) uint32: 0, 1, …
     corner: Array  # (WIDTH_PX,) float32, squared distance from the middle column, 1 in the corners
@@ -60,7 +60,7 @@ def exposure_of(look, sin_c, cos_c, horizon, p, key, counter):  # type: ignore[n
 
 @kernel
 def new_lens(height):  # type: ignore[no-untyped-def]
-    """The Lens of an image of so many rows."""
+    """The Lens of an image of `height` rows."""
     columns, corner = np.zeros(WIDTH_PX, np.uint32), np.zeros(WIDTH_PX, np.float32)
     for x in range(WIDTH_PX):
         columns[x] = x
@@ -79,7 +79,7 @@ def new_lens(height):  # type: ignore[no-untyped-def]
 def read_out(frame, canvas, first, end, lens, exposure, key, counter):  # type: ignore[no-untyped-def]
     """Rows `first` to `end` - 1 of frame (height, width) uint8, number `counter`, from their light.
 
-    Frames are counted in the noise's key by 2¹² rows each.
+    The noise's counter reserves 2¹² rows per frame.
     """
     height = frame.shape[0]
     node, veil, gain, black = lens.node, lens.veil, lens.gain, lens.black
@@ -112,11 +112,11 @@ def read_out(frame, canvas, first, end, lens, exposure, key, counter):  # type: 
 def expose(out, row, gain, black, columns, sigma, key):  # type: ignore[no-untyped-def]
     """out (w,) uint8 = row · gain + black, with noise, rounded and clipped; w = WIDTH_PX.
 
-    row, gain, black (w,) float32; columns (w,) uint32: 0, 1, … (taken from memory, they keep the hash in 32
-    bits). The noise of standard deviation sigma is a sum of four bytes less their mean: of mean 0, within
-    3.45 sigma, of excess kurtosis −0.3, independent from draw to draw. Four columns, a quarter of the row
-    apart, share the bytes of a 32-bit hash of (key, column), key 64 random bits. Each of them counts these
-    with other signs, those of a Hadamard matrix: uncorrelated, though their squares are not (−0.18).
+    row, gain, black (w,) float32; columns (w,) uint32: 0, 1, … (read from memory, so that the hash stays in
+    32 bits). The noise, of standard deviation sigma, is a sum of four bytes less its mean: mean 0, within
+    3.45 sigma, excess kurtosis −0.3, independent between frames and rows. Four columns, a quarter of the row
+    apart, share the bytes of a 32-bit hash of (key, column), key: 64 random bits. Each sums them with the
+    signs of another row of a Hadamard matrix: uncorrelated, but their squares are not (−0.18).
     """
     k0, k1 = np.uint32(key & _WORD), np.uint32(key >> np.uint64(32))
     scale = np.float32(sigma / _BYTE_SUM_DEVIATION)

@@ -1,9 +1,9 @@
 """Asphalt, verge and paint on the canvas, before any light falls on them.
 
-The canvas (some rows, width) float32 holds the light on image rows (up from the bottom) from `first` on. The
-layers go over them one after the other, so that they stay in the first cache, but not over one row at a time:
-a pass over what was written a moment ago in other chunks waits for the store buffer, which costs more than
-the arithmetic.
+The canvas (some rows, width) float32 holds the light on image rows (up from the bottom) from `first` on. It
+is small enough to stay in the first-level cache while the layers are painted one after the other. A single
+row would be too small: reading what was just written in differently sized chunks stalls on the store buffer,
+which costs more than the arithmetic.
 """
 
 import math
@@ -25,12 +25,12 @@ from camera_synth.pattern_kernels import ROOM, Octave, add_octave
 from sumo_net.compile import inlined, kernel
 from sumo_net.road import DASHED, MAX_BORDERS
 
-_LEAST_LANE_PX = 11.5  # narrower, its tracks are no pixels any more
+_LEAST_LANE_PX = 11.5  # in a narrower lane, wheel tracks are thinner than a pixel
 _FAR = 1.0e6  # columns; stands for an edge outside the image
 
 
 class View(NamedTuple):
-    """A camera in the world: where it stands and where it looks."""
+    """Position and direction of a camera in the world."""
 
     x: float
     y: float
@@ -53,7 +53,7 @@ class Strip(NamedTuple):
 
 @kernel
 def view_of(x, y, heading, p):  # type: ignore[no-untyped-def]
-    """The camera's place and direction in the world, for a vehicle's pose."""
+    """The View of a camera on a vehicle with this pose."""
     sin, cos = math.sin(heading), math.cos(heading)
     return View(
         x + cos * p.forward - sin * p.left,
@@ -106,7 +106,7 @@ def paint_ground(canvas, grid, first, end, beside, crossings, look):  # type: ig
         right = kind[RIGHT_EDGE, y] != 0 and kind[RIGHT_EDGE, y + 1] != 0
         left = kind[LEFT_EDGE, y] != 0 and kind[LEFT_EDGE, y + 1] != 0
         l0, l1, r0, r1 = _FAR, _FAR, -_FAR, -_FAR
-        if right or left:  # where one edge has turned away before the other, asphalt fills its side
+        if right or left:  # where only one edge is in view, asphalt fills the other side
             l0, l1 = (column[LEFT_EDGE, y], column[LEFT_EDGE, y + 1]) if left else (-_FAR, -_FAR)
             r0, r1 = (column[RIGHT_EDGE, y], column[RIGHT_EDGE, y + 1]) if right else (_FAR, _FAR)
         _tone(canvas[y - first], node, grid[y], look.asphalt_grey, look.texture)
@@ -115,7 +115,7 @@ def paint_ground(canvas, grid, first, end, beside, crossings, look):  # type: ig
         if left_end <= 0.0 and right_first >= WIDTH_PX - 1.0:
             continue
         _tone(beside, node, grid[y], look.verge_grey, 2.0 * look.texture)
-        # coverage of the pixels an edge passes, as a ramp over the columns that it takes
+        # coverage of the pixels that an edge crosses, as a ramp over those columns
         rise_l, rise_r = np.float32(0.5 / half_l), np.float32(0.5 / half_r)
         at_l, at_r = np.float32(1.0 - left_end * 0.5 / half_l), np.float32(1.0 + right_first * 0.5 / half_r)
         _, end_l = whole_vectors(0, math.ceil(left_end))
@@ -126,7 +126,7 @@ def paint_ground(canvas, grid, first, end, beside, crossings, look):  # type: ig
 
 @inlined
 def _tone(row, node, texture, grey, strength):  # type: ignore[no-untyped-def]
-    """Fill the row with a grey and so much of the texture at its nodes."""
+    """Fill the row with a grey plus `strength` times the texture at its nodes."""
     level, part = np.float32(grey), np.float32(strength)
     for m in range(ROOM):
         node[m] = level + part * texture[m]
@@ -159,7 +159,7 @@ def paint_tracks(canvas, first, end, crossings, look):  # type: ignore[no-untype
 
 @inlined
 def _paint_lane(row, centre, width, grey):  # type: ignore[no-untyped-def]
-    """The tracks of a lane: 0.2 of its width to either side of its centre, of half a width 0.13."""
+    """The tracks of a lane: at 0.2 of its width to either side of its centre, each ± 0.13 of it wide."""
     reach = 0.33 * width
     first, end = whole_vectors(math.ceil(centre - reach), math.floor(centre + reach) + 1)
     part = row[first:end]
@@ -173,7 +173,7 @@ def _paint_lane(row, centre, width, grey):  # type: ignore[no-untyped-def]
 
 @inlined
 def paint_markings(canvas, lowest, end, crossings, look, view, p):  # type: ignore[no-untyped-def]
-    """The lines on rows `lowest` to `end` - 1, by what they cover of each pixel, less what is worn."""
+    """The markings on rows `lowest` to `end` - 1, by the share of each pixel they cover, less the wear."""
     kind, column, scale, station = crossings.kind, crossings.column, crossings.scale, crossings.station
     stroke, period = look.dash_stroke_m, look.dash_stroke_m + look.dash_gap_m
     per_period = 1.0 / period
@@ -225,7 +225,7 @@ def paint_left(look, x, y, footprint):  # type: ignore[no-untyped-def]
             patch += 0.5 * amplitude * _patches(0.3, x, y, seed + 23)
         opacity = 1.0 - wear * (0.35 + 0.65 * soft_step(0.5 + 0.9 * patch))
     if look.missing > 0.0:
-        # value noise at 20 m, its quantiles about those of a normal of deviation 0.36
+        # value noise at 20 m; its quantiles are about those of a normal with standard deviation 0.36
         stretch = _patches(20.0, x, y, seed + 24)
         threshold = 1.0 - 2.0 * look.missing if look.missing > 0.4 else 0.62 - 1.2 * look.missing
         opacity *= 1.0 - soft_step((stretch - threshold) * (1.0 / 0.08) + 0.5)

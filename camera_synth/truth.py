@@ -1,4 +1,4 @@
-"""The true borders of a lane in the image, to judge lane detection by."""
+"""The true borders of a lane in the image, for evaluating lane detection."""
 
 from typing import NamedTuple
 
@@ -13,14 +13,14 @@ from sumo_net.surroundings import Objects
 
 
 class BorderColumns(NamedTuple):
-    """Where n lanes' borders are in image rows y = 0 … rows - 1 (from the bottom); index 0 left, 1 right."""
+    """Borders of n lanes in image rows y = 0 … rows - 1 (from the bottom); index 0 left, 1 right."""
 
     column: Array  # (n, 2, rows) of the line's centre; NaN without marking, outside the image, behind a body
-    painted: Array  # (n, 2, rows) bool: in a solid line or a dash's stroke, with a quarter of its paint left
+    painted: Array  # (n, 2, rows) bool: solid line or stroke of a dash, with at least a quarter of its paint
 
 
 def new_border_columns(count: int, rows: int = PROCESSED_ROWS) -> BorderColumns:
-    """BorderColumns of `count` lanes that are nowhere."""
+    """BorderColumns of `count` lanes, all NaN."""
     return BorderColumns(np.full((count, 2, rows), np.nan), np.zeros((count, 2, rows), np.bool_))
 
 
@@ -33,10 +33,10 @@ def border_columns(
     pose: Pose,
     rows: int = PROCESSED_ROWS,
 ) -> BorderColumns:
-    """The borders of the lane whose right border stands in slot `right_slot` (n,) of each RoadAhead.
+    """The borders of the lane whose right border is in slot `right_slot` (n,) of each RoadAhead.
 
-    For the lane that holds the vehicle that is road.OWN_RIGHT + EgoTruth.lanes_left. The same geometry as
-    render's, at the rows' middles; wear stands in the world, hence `pose`. All arrays C-contiguous.
+    For the vehicle's own lane, that is road.OWN_RIGHT + EgoTruth.lanes_left. The geometry is that of
+    `render`, at the rows' centres. `pose` locates the wear of the paint. All arrays C-contiguous.
     """
     n = len(right_slot)
     truth = new_border_columns(n, rows)

@@ -1,4 +1,4 @@
-"""Where the ego lane's borders truly are in the image, and where a body hides them."""
+"""True positions of the ego lane's borders in the image, and where a body hides them."""
 
 import math
 
@@ -9,7 +9,7 @@ from camera_synth.surface_kernels import paint_left, strip_of, view_of
 from sumo_net.compile import kernel
 from sumo_net.road import MAX_BORDERS, SOLID
 
-LEAST_PAINT = 0.25  # of a new marking's: with less there is nothing to be seen
+LEAST_PAINT = 0.25  # share of a new marking's paint below which nothing can be seen
 
 
 @kernel
@@ -31,7 +31,7 @@ def locate_borders(column, painted, width, p, road, objects, right_slot, looks, 
 def locate(column, painted, width, p, curves, middles, bodies, right_slot, look, view):  # type: ignore[no-untyped-def]
     """Fill column, painted (2, rows) of one vehicle from its `curves` and placed `bodies`.
 
-    middles: Crossings laid at the rows' middles, from 0.0 on.
+    middles: Crossings at the rows' centres (`lay` from 0.0 on).
     """
     rows = column.shape[1]
     worn = look.wear > 0.0 or look.missing > 0.0
