@@ -1,1 +1,1 @@
-"""Floor 2: what a vehicle's own sensors (those of its stability control) say of its motion."""
+"""Floor 2: the vehicle's own motion sensors (those of its stability control)."""

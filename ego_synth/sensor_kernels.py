@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 from sumo_net.compile import kernel
 from sumo_net.randomness import normal
 
-_DRAWS = 8  # counters of the noise that a reading takes, some of them spare
+_DRAWS = 8  # counters of the noise reserved for a reading
 _STEP_S = 0.1
 
 
 class SensorNumbers(NamedTuple):
-    """EgoSensors as kernels take it."""
+    """The parameters of EgoSensors, as kernels take them."""
 
     yaw_rate_noise: float
     yaw_rate_resolution: float
@@ -27,7 +27,7 @@ class SensorNumbers(NamedTuple):
 
 
 def numbers(sensors: Any) -> SensorNumbers:
-    """The kernel's view of EgoSensors."""
+    """Kernel parameters of EgoSensors."""
     c, root = sensors, math.sqrt(_STEP_S)
     return SensorNumbers(
         c.yaw_rate_noise_rps,
@@ -66,7 +66,7 @@ def read(c, state, speed, acceleration, yaw_rate, steer, out):  # type: ignore[n
         wheel += c.steering_noise * normal(key, at + 3)
         out.steering_wheel_rad[i] = rounded(wheel, c.steering_resolution)
         rolling = 0.0
-        if speed[i] > 0.0:  # wheels that stand are seen to stand
+        if speed[i] > 0.0:  # a standstill is read without error
             rolling = max(0.0, state.speed_scale[i] * speed[i] + c.speed_noise * normal(key, at + 4))
         out.speed_mps[i] = rounded(rolling, c.speed_resolution)
         pushed = (

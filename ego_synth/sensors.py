@@ -1,9 +1,9 @@
-"""The vehicle's own sensors of a fleet: yaw rate, steering-wheel angle, wheel speed, acceleration.
+"""The vehicles' own sensors: yaw rate, steering-wheel angle, wheel speed, acceleration.
 
-Every car with stability control has them on its bus. Each reads truth times its scale plus its offset plus
-noise, rounded to its resolution; scale and offset belong to the vehicle, the offsets of yaw rate and steering
-wander. Noise and resolution are those of a recorded production car where that has the signal, see
-docs/ego_sensors.md; lags within the 0.1 s of a step are left out.
+Every car with stability control has them on its bus. A reading is the truth times a scale, plus an offset,
+plus noise, rounded to the sensor's resolution. Scale and offset are drawn per vehicle; the offsets of yaw
+rate and steering drift. Noise and resolution are those of a recorded production car where it has the signal,
+see docs/ego_sensors.md. Lags shorter than the step of 0.1 s are neglected.
 """
 
 import math
@@ -85,19 +85,19 @@ class EgoSensors:
 
 
 class SensorState(NamedTuple):
-    """What n vehicles' sensors carry from step to step, (n,) each."""
+    """State of n vehicles' sensors, (n,) each."""
 
     key: Array  # uint64
-    reading: Array  # int64, its number
+    reading: Array  # int64, number of the next reading
     yaw_rate_offset_rps: Array
     steering_offset_rad: Array
-    steering_scale: Array  # 1 for none
-    speed_scale: Array  # 1 for none
+    steering_scale: Array  # 1: no error
+    speed_scale: Array  # 1: no error
     acceleration_offset_mps2: Array
 
 
 class Readings(NamedTuple):
-    """What the sensors say now, (n,) each; left positive."""
+    """One reading of n vehicles' sensors, (n,) each; left positive."""
 
     speed_mps: Array
     acceleration_mps2: Array
@@ -136,9 +136,9 @@ def read(
     yaw_rate_rps: Array,
     steer_rad: Array,
 ) -> tuple[SensorState, Readings]:
-    """One reading of n vehicles of their true speed, acceleration, yaw rate and front-wheel angle, (n,) each.
+    """One reading of n vehicles from the true speed, acceleration, yaw rate, front-wheel angle, (n,) each.
 
-    Without `used` speed, acceleration and yaw rate are the truth and the steering wheel is NaN.
+    Without `used`, speed, acceleration and yaw rate are the truth and the steering wheel is NaN.
     """
     n = len(speed_mps)
     if not sensors.used:

@@ -1,4 +1,4 @@
-"""From what is in view to what the radar reports: missed detections, noise, clutter."""
+"""From sightings to reported detections: missed detections, noise, clutter."""
 
 from typing import Any
 
@@ -14,12 +14,12 @@ Array = np.ndarray[Any, Any]
 def measure(
     radar: Radar, objects: Objects, seen: Sightings, keys: Array, counter: Array
 ) -> tuple[Scan, ScanTruth]:
-    """What n radars report of their sightings, and what is behind it; keys (n,) uint64, counter (n,) int64.
+    """Detections of n radars from their sightings, and the truth behind each.
 
-    An echo is detected with P = P_fa^(1/(1+SNR)), a Swerling 1 target (Skolnik, Introduction to Radar
-    Systems), times `most_likely`; SNR = SNR_0 (100 m / r)⁴ σ / 10 m², σ growing with the visible area, so
-    that P falls with the range and with what is hidden. What comes out below the least range is not
-    reported, nor is a body of which too little shows. Detections stand in the order of their measured range.
+    keys (n,) uint64, counter (n,) int64, as in `scan.scan`. An echo is detected with probability
+    P_fa^(1/(1+SNR)), a Swerling 1 target (Skolnik, Introduction to Radar Systems), times `most_likely`;
+    SNR = SNR_0 (100 m / r)⁴ σ / 10 m², with σ in proportion to the visible area. Measured ranges below the
+    minimum and bodies with too small a visible share are not reported. Detections are sorted by range.
     """
     n, most = len(keys), radar.most_detections
     of_scan, of_truth = len(Scan._fields) - 1, len(ScanTruth._fields) - 2
@@ -31,7 +31,7 @@ def measure(
 
 
 def detection_probability(radar: Radar, range_m: Array, visible_m2: Array) -> Array:
-    """P of a body of which an area of `visible_m2` is seen at `range_m`, as `measure` has it."""
+    """Detection probability as in `measure` of a body with a visible area `visible_m2` at `range_m`."""
     r = numbers(radar)
     snr = r.snr * r.cross_section * np.asarray(visible_m2) / np.asarray(range_m) ** 4
     return np.asarray(r.most_likely * np.exp(r.log_false_alarm / (1.0 + snr)))

@@ -1,7 +1,7 @@
-"""Kernel of the radar's imperfection over the fleet.
+"""Kernel of the radar's measurement errors over the fleet.
 
-Each scan of each vehicle has keys of its own, and each body draws by its handle, so that neither the order
-nor the number of the bodies around changes what is measured of one of them.
+Each scan of each vehicle has its own keys, and draws for a body depend on its handle, so that neither the
+order nor the number of other bodies changes what is measured of one.
 """
 
 import math
@@ -12,7 +12,7 @@ from radar_synth.visibility_kernels import ascending
 from sumo_net.compile import kernel
 from sumo_net.randomness import bits, normal, uniform
 
-_DRAWS = np.uint64(8)  # counters that each body has for itself
+_DRAWS = np.uint64(8)  # counters reserved for each body
 
 
 @kernel
@@ -36,7 +36,7 @@ def _poisson(mean, draw):  # type: ignore[no-untyped-def]
 
 @kernel
 def measure(objects, seen, radar, keys, counter, out, behind):  # type: ignore[no-untyped-def]
-    """Scan and ScanTruth of n vehicles into `out` and `behind`, which are empty before."""
+    """Scan and ScanTruth of n vehicles into `out` and `behind`, which must be empty."""
     n, M = objects.forward_m.shape
     most = out.range_m.shape[1]
     total = 0.0
@@ -82,7 +82,7 @@ def measure(objects, seen, radar, keys, counter, out, behind):  # type: ignore[n
                 found += 1
         for j in range(min(_poisson(radar.clutter, uniform(clutter, 0)), spare)):
             at = np.uint64(4 * j + 1)
-            # A beam in proportion to what it would hold, then anywhere in it.
+            # A beam drawn in proportion to angle times range, then uniform within it.
             pick, beam = uniform(clutter, at) * total, 0
             while (
                 beam + 1 < radar.beam_angle.size and pick >= radar.beam_angle[beam] * radar.beam_range[beam]
@@ -110,7 +110,7 @@ def measure(objects, seen, radar, keys, counter, out, behind):  # type: ignore[n
 
 @kernel
 def used_places(scan):  # type: ignore[no-untyped-def]
-    """Row and column, range, range rate and azimuth of the used places of a Scan, (D,) each, row by row."""
+    """Row and column, range, range rate and azimuth of the used slots of a Scan, (D,) each, row by row."""
     total = 0
     for i in range(len(scan.detections)):
         total += scan.detections[i]

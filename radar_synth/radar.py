@@ -1,6 +1,6 @@
-"""The front radar of a fleet: settings, and what its scans consist of.
+"""The front radar of a fleet: settings and data types of its scans.
 
-Everything is in the vehicle's axes (ISO 8855): azimuth left of the vehicle's axis, range from the radar,
+All values are in the vehicle's axes (ISO 8855): azimuth left of the vehicle's axis, range from the radar,
 range rate positive when opening. The radar looks straight ahead.
 """
 
@@ -18,7 +18,7 @@ Array = np.ndarray[Any, Any]
 
 @settings
 class Beam:
-    """One part of the field of view: a sector to both sides of the vehicle's axis."""
+    """One part of the field of view: a sector symmetric to the vehicle's axis."""
 
     half_angle_rad: float = Field(gt=0, le=1.4, description="opening angle to each side")
     range_m: float = Field(gt=1, le=500, description="greatest range")
@@ -30,10 +30,13 @@ MID_RANGE = Beam(half_angle_rad=math.radians(45.0), range_m=60.0)
 
 @settings
 class Radar:
-    """A millimetre-wave radar at the front bumper. The noise is that of the tracking source (IMM)."""
+    """A millimetre-wave radar at the front bumper. The noise is that of the publication on IMM tracking."""
 
     beams: tuple[Beam, ...] = Field(
-        (LONG_RANGE, MID_RANGE), min_length=1, max_length=4, description="the field of view: all of them"
+        (LONG_RANGE, MID_RANGE),
+        min_length=1,
+        max_length=4,
+        description="sectors that make up the field of view",
     )
     mount_forward_m: float = Field(
         1.6, ge=-5, le=5, description="distance of the radar ahead of the centre of gravity"
@@ -96,7 +99,7 @@ class Radar:
 
 
 class RadarNumbers(NamedTuple):
-    """The radar as kernels take it."""
+    """The radar's parameters as kernels take them."""
 
     beam_angle: Array  # (beams,) rad
     beam_range: Array  # (beams,) m
@@ -128,16 +131,16 @@ class OwnMotion(NamedTuple):
 
 
 class Sightings(NamedTuple):
-    """What of each body is in view, without noise, (n, M) each beside Objects; NaN where nothing is.
+    """What is visible of each body of Objects, without noise, (n, M) each; NaN where nothing is.
 
-    The point is the nearest visible one; `second` that further along a long body.
+    The reflecting point is the nearest visible one; `second`: the one further along a long body.
     """
 
     range_m: Array
     range_rate_mps: Array
     azimuth_rad: Array
     width_m: Array  # visible, across the line of sight
-    share: Array  # visible part of the angle that the body takes up
+    share: Array  # visible share of the angle that the body subtends
     second_range_m: Array
     second_range_rate_mps: Array
     second_azimuth_rad: Array
@@ -146,7 +149,7 @@ class Sightings(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """What the radar reports: M places of which the first `detections` are used, nearest first, then NaN."""
+    """The radar's report: the first `detections` of M slots are used, nearest first; the rest are NaN."""
 
     detections: Array  # (n,) int64
     range_m: Array  # (n, M)
@@ -155,11 +158,11 @@ class Scan(NamedTuple):
 
 
 class ScanTruth(NamedTuple):
-    """What stands behind each detection of a Scan, (n, M) each; the plug-in's estimators never see it."""
+    """The truth behind each detection of a Scan, (n, M) each; the plug-in's estimators never see it."""
 
-    handle: Array  # int64, of Objects; -1 for clutter and unused places
+    handle: Array  # int64, of Objects; -1 for clutter and unused slots
     reflection: Array  # int8: 0 nearest visible point, 1 the second one of a long body, -1 clutter
-    range_m: Array  # of the reflecting point; NaN for clutter, as are the others
+    range_m: Array  # of the reflecting point; NaN for clutter, as all below
     range_rate_mps: Array
     azimuth_rad: Array
     vx_mps: Array  # of the body over ground, in the vehicle's axes
@@ -168,7 +171,7 @@ class ScanTruth(NamedTuple):
 
 @functools.cache
 def numbers(radar: Radar) -> RadarNumbers:
-    """The kernel's view of the settings."""
+    """Kernel parameters of a radar."""
     r = radar
     return RadarNumbers(
         beam_angle=np.array([beam.half_angle_rad for beam in r.beams]),

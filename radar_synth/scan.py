@@ -1,4 +1,4 @@
-"""One scan of a fleet's radars: what is in view, and what is reported of it."""
+"""One scan of a fleet's radars: sightings, and the detections reported of them."""
 
 from typing import Any, NamedTuple
 
@@ -14,10 +14,10 @@ Array = np.ndarray[Any, Any]
 
 
 class Flat(NamedTuple):
-    """The detections of a fleet's scan one after the other, (D,) each, by vehicle."""
+    """All D detections of a fleet's scan, sorted by vehicle, (D,) each."""
 
     owner: Array  # int64, row of the vehicle
-    column: Array  # int64, place in the Scan (and in the ScanTruth)
+    column: Array  # int64, slot in the Scan (and in the ScanTruth)
     range_m: Array
     range_rate_mps: Array
     azimuth_rad: Array
@@ -30,11 +30,11 @@ def scan(
 
     Parameters
     ----------
-    objects : bodies around, for which `visibility.objects_in_view` looks.
+    objects : bodies around, from `visibility.objects_in_view`.
     keys : (n,) uint64, each vehicle's `stream_key(seed, vehicle_id, "radar")`.
     counter : (n,) int64, number of the scan.
 
-    The result of a vehicle depends on nothing but its own rows, and not on the order of its objects.
+    A vehicle's result depends only on its own rows, and not on the order of its objects.
     """
     seen = sightings(radar, objects, motion)
     reported, behind = measure(radar, objects, seen, keys, counter)
@@ -42,5 +42,5 @@ def scan(
 
 
 def flatten(reported: Scan) -> Flat:
-    """The used places of a Scan as flat arrays, for trackers."""
+    """The used slots of a Scan as flat arrays, for trackers."""
     return Flat(*used_places(reported))

@@ -1,4 +1,4 @@
-"""What of the bodies around is in view of the radar: field of view, occlusion, nearest visible point."""
+"""What the radar can see of the bodies around: field of view, occlusion, nearest visible point."""
 
 from typing import Any
 
@@ -18,8 +18,8 @@ def objects_in_view(
 ) -> Objects:
     """Vehicles and roadside objects that reach into the field of view of n vehicles, (n, M), nearest first.
 
-    Those that are hidden are in it as well. Where there are more than `most_objects`, the furthest are left
-    out; a vehicle never sees itself.
+    Hidden ones are included. Where there are more than `most_objects`, the furthest are left out. A vehicle
+    itself is left out, too.
     """
     handle, parts = kernels.gather(
         poses.handle,
@@ -35,11 +35,11 @@ def objects_in_view(
 
 
 def sightings(radar: Radar, objects: Objects, motion: OwnMotion) -> Sightings:
-    """The nearest visible point of each body, exactly, (n, M).
+    """The nearest visible point of each body, exact, (n, M).
 
-    Bodies are boxes on the plane. Of a body's faces towards the radar, what other bodies hide (whatever their
-    height) is taken away as angular intervals; a beam adds its sector to its range. Bodies move along their
-    own heading. A body of which the nearest visible point is nearer than the least range is not seen.
+    Bodies are rectangles in the plane that move along their headings. From the faces towards the radar, the
+    angular intervals that other bodies hide (whatever their height) are removed. A point is in view if any
+    beam covers it. A body whose nearest visible point is below the minimum range is not seen.
     """
     out = Sightings(*np.full((len(Sightings._fields), *objects.forward_m.shape), np.nan))
     kernels.look(objects, motion, numbers(radar), out)

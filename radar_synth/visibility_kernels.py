@@ -1,7 +1,7 @@
 """Kernels of visibility: faces towards the radar, angular intervals, nearest visible points.
 
-Two disjoint convex bodies keep their order along all rays that meet both, so one common ray says which of
-them hides the other, and it hides the whole of the common interval.
+Two disjoint convex bodies have the same order along all rays that meet both. So one common ray shows which
+hides the other, and it does so over the whole common interval.
 """
 
 import math
@@ -11,15 +11,15 @@ import numpy as np
 from sumo_net.compile import kernel
 from sumo_net.frames import wrap_angle
 
-_AHEAD_M = 1e-3  # faces are cut off here: no ray of a beam goes sideways or back
-_SLIVER = 1e-9  # rad; common intervals narrower than this do not count
-_BEYOND = 1.0 + 1e-9  # times a beam's range, squared: what is further has no point in it, however rounded
+_AHEAD_M = 1e-3  # faces are clipped here: no ray of a beam goes sideways or back
+_SLIVER = 1e-9  # rad; narrower intervals are ignored
+_BEYOND = 1.0 + 1e-9  # factor on a beam's squared range: rounding puts nothing from beyond it into the beam
 
 
 @kernel
 def _face(faces, count, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Add the part ahead of a face with its right end at a and its left end at b; the new count."""
-    if ax * by - ay * bx <= 1e-12:  # seen from behind, or edge on
+    """Add the part of a face that is ahead, its right end a and left end b; returns the new count."""
+    if ax * by - ay * bx <= 1e-12:  # faces away, or edge-on
         return count
     if ax < _AHEAD_M and bx < _AHEAD_M:
         return count
@@ -44,9 +44,9 @@ def _face(faces, count, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def _faces(x, y, c, s, length, width, faces):  # type: ignore[no-untyped-def]
-    """The visible faces of a box, its heading's cosine and sine c and s, into `faces` (2, 6); how many.
+    """The faces of a box towards the radar into `faces` (2, 6); returns their number.
 
-    Of each its ends from right to left, and their azimuths.
+    c, s: cosine and sine of the box's heading. A row: right end x, y, left end x, y, azimuths of both ends.
     """
     h, w = 0.5 * length, 0.5 * width
     # Corners counter-clockwise: front left, rear left, rear right, front right.
@@ -54,8 +54,8 @@ def _faces(x, y, c, s, length, width, faces):  # type: ignore[no-untyped-def]
     x1, y1 = x - c * h - s * w, y - s * h + c * w
     x2, y2 = x - c * h + s * w, y - s * h - c * w
     x3, y3 = x + c * h + s * w, y + s * h - c * w
-    # Going round counter-clockwise, a face is seen from outside where it runs from left to right;
-    # each is handed over from right to left.
+    # In counter-clockwise order, the ends of a face seen from outside go from left to right;
+    # each is passed on from right to left.
     count = _face(faces, 0, x1, y1, x0, y0)
     count = _face(faces, count, x2, y2, x1, y1)
     if count < 2:
@@ -106,8 +106,8 @@ def _nearest(face, low, high):  # type: ignore[no-untyped-def]
 
 @kernel
 def _subtract(hidden, count, low, high, open_):  # type: ignore[no-untyped-def]
-    """What is left of [low, high] without the `count` intervals `hidden`, into `open_` (k, 2); how many."""
-    for i in range(1, count):  # by their beginnings
+    """[low, high] without the `count` intervals `hidden` into `open_` (k, 2); returns the number left."""
+    for i in range(1, count):  # sort by their beginnings
         a, b = hidden[i, 0], hidden[i, 1]
         j = i - 1
         while j >= 0 and hidden[j, 0] > a:
@@ -128,10 +128,10 @@ def _subtract(hidden, count, low, high, open_):  # type: ignore[no-untyped-def]
 
 @kernel
 def _second_point(px, py, x, y, c, s, length, further):  # type: ignore[no-untyped-def]
-    """The point `further` from the body's end towards the radar, as far aside as its visible point (px, py).
+    """The point `further` along the body from its end towards the radar, laterally at (px, py).
 
-    It keeps its place on the body, whose heading's cosine and sine are c and s, whatever of it is in view: a
-    truck that is passed slides out of the field of view, its axle does not slide along it.
+    c, s: cosine and sine of the body's heading. The point is fixed lengthways on the body, whatever part of
+    it is in view: while a truck is overtaken, its reflecting axle does not slide along it.
     """
     across = c * (py - y) - s * (px - x)
     end = max(0.5 * length - 0.5, 0.0)
@@ -152,14 +152,14 @@ def _in_beams(r, azimuth, radar):  # type: ignore[no-untyped-def]
 
 @kernel
 def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
-    """Sightings of n vehicles into `out`, which is NaN before."""
+    """Sightings of n vehicles into `out`, which must be NaN."""
     n, M = objects.forward_m.shape
     faces, count = np.empty((M, 2, 6)), np.zeros(M, np.int64)
     cos, sin = np.empty(M), np.empty(M)  # of the headings
     low, high = np.empty(M), np.empty(M)
     near, far = np.empty(M), np.empty(M)  # squared
     hidden, open_ = np.empty((M, 2)), np.empty((M + 1, 2))
-    hiding = np.empty(M, np.int64)  # those in view that can hide others: few among the posts
+    hiding = np.empty(M, np.int64)  # bodies that can hide others; posts cannot
     for i in range(n):
         # The radar's own velocity over ground: that of the centre of gravity and of the turn about it.
         own_x = motion.speed_mps[i] - motion.yaw_rate_rps[i] * radar.left
@@ -228,7 +228,7 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
             out.vx_mps[i, m], out.vy_mps[i, m] = vx, vy
             out.range_m[i, m] = nearest
             out.azimuth_rad[i, m] = math.atan2(py, px)
-            # The turn of the vehicle's axes moves the point across the line of sight only.
+            # The vehicle's yaw rate moves the point only across the line of sight.
             out.range_rate_mps[i, m] = ((vx - own_x) * px + (vy - own_y) * py) / nearest
             out.width_m[i, m] = nearest * angle
             out.share[i, m] = angle / (high[m] - low[m])
@@ -246,9 +246,9 @@ def look(objects, motion, radar, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _may_be_seen(forward, left, size, edges, radar):  # type: ignore[no-untyped-def]
-    """Whether a body of this half-diagonal, its centre here (from the radar), reaches into a beam.
+    """Whether a body with half-diagonal `size`, centred at (forward, left) of the radar, may be in a beam.
 
-    edges (beams, 2) : cosine and sine of their angles.
+    edges (beams, 2): cosine and sine of the beams' half angles.
     """
     if not forward > -size:
         return False
@@ -262,9 +262,9 @@ def _may_be_seen(forward, left, size, edges, radar):  # type: ignore[no-untyped-
 
 @kernel
 def ascending(values, count, order):  # type: ignore[no-untyped-def]
-    """The order (indices into `order`) of the first `count` values, equal ones as they stand.
+    """Indices that sort the first `count` values, into `order`; stable.
 
-    By insertion: they are some dozens, and numba's own sorting is long to compile.
+    Insertion sort: there are some dozens, and numba's own sorting takes long to compile.
     """
     for i in range(count):
         j = i
@@ -289,9 +289,9 @@ def _first_from(values, least):  # type: ignore[no-untyped-def]
 
 @kernel
 def gather(handle, x, y, heading, snapshot, roadside, radar, most):  # type: ignore[no-untyped-def]
-    """Objects in view of n vehicles: their handles (n, M), -1 for unused, and the other parts (8, n, M).
+    """Objects in view of n vehicles: handles (n, M), -1 for unused, and the other fields (7, n, M) in order.
 
-    Of an Objects, in its order. M: as many as the vehicle has that has most, at most `most`, at least one.
+    M: largest number of any vehicle, at least 1 and at most `most`.
     """
     n, vehicles, posts = len(x), snapshot.handle.size, roadside.handle.size
     index, distance = np.empty(vehicles + posts, np.int64), np.empty(vehicles + posts)
