@@ -1,9 +1,9 @@
-"""The observer bank of Zhang et al. 2011, section 3: one steady-state Kalman observer each 10 km/h.
+"""The observer bank of Zhang et al. 2011, section 3: one steady-state Kalman observer every 10 km/h.
 
-State (v_y, γ, y_L, e_L), input (δ_D, K_L), measurement (y_L, e_L). The gains come once from the discrete
-Riccati equation; while driving, the two observers around the present speed run and their states are blended.
-Two observers at a time: when the speed passes a multiple of 10 km/h, the one that is left goes on alone for
-an instant, and its new neighbour starts from it.
+State (v_y, γ, y_L, e_L), input (δ_D, K_L), measurement (y_L, e_L). The gains are computed once from the
+discrete Riccati equation. While driving, only the two observers around the present speed run, and their
+states are blended. When the speed passes a multiple of 10 km/h, the observer that is added starts from the
+state of the one that remains.
 """
 
 import numpy as np
@@ -17,17 +17,19 @@ from plugin.motion.estimate import Array, MotionEstimate, blank
 from sumo_net.settings import settings
 from sumo_net.vehicle import Vehicle, preview_model, zero_order_hold
 
-_STANDSTILL_MPS = 0.1  # the model divides by the speed; its exact discretisation goes over to kinematics here
+_STANDSTILL_MPS = 0.1  # the model divides by speed; here its exact discretisation is already kinematic
 
 
 @settings
 class BankSettings:
-    """Z11's observers. The noises are R_1 and R_2 of section 3.2, variances a step of 0.1 s."""
+    """The observers of Zhang et al. 2011 (Z11). The noises are R_1 and R_2 of section 3.2, variances per step
+    of 0.1 s.
+    """
 
     spacing_kmh: float = Field(10.0, gt=0, le=50, description="difference of speed between two observers")
     highest_kmh: float = Field(250.0, ge=60, le=400, description="speed of the last observer")
-    lateral_speed_noise: float = Field(0.0, ge=0, description="R_1 of v_y, m²/s²; Z11: not driven")
-    yaw_rate_noise: float = Field(0.0, ge=0, description="R_1 of γ, rad²/s²; Z11: not driven")
+    lateral_speed_noise: float = Field(0.0, ge=0, description="R_1 of v_y, m²/s²; Z11: 0")
+    yaw_rate_noise: float = Field(0.0, ge=0, description="R_1 of γ, rad²/s²; Z11: 0")
     preview_offset_noise: float = Field(0.01, gt=0, description="R_1 of y_L, m²")
     preview_heading_noise: float = Field(0.01, gt=0, description="R_1 of e_L, rad²")
     measured_offset_noise: float = Field(0.01, gt=0, description="R_2 of y_L, m²")
@@ -78,7 +80,7 @@ def schedule(
 
 
 def init(n: int) -> BankState:
-    """n vehicles that have not seen a lane yet."""
+    """State of n vehicles that have not seen a lane yet."""
     return BankState(
         np.zeros(n, bool),
         np.zeros(n, np.int32),

@@ -11,7 +11,7 @@ from sumo_net.compile import kernel
 
 
 class BankSchedule(NamedTuple):
-    """Everything of the bank that is worked out before driving; m observers, one each 10 km/h from 0."""
+    """Everything of the bank that is computed at set-up; m observers, one every 10 km/h from 0."""
 
     transition: Array  # (m, 4, 4) Φ
     input: Array  # (m, 4, 2) G
@@ -22,12 +22,12 @@ class BankSchedule(NamedTuple):
     preview: float
     step: float
     coast: float
-    low: float  # m/s, handover from kinematics to dynamics
-    high: float
+    low: float  # m/s, begin of the handover from the kinematic to the dynamic steer
+    high: float  # m/s, its end
 
 
 class BankState(NamedTuple):
-    """The two observers around each vehicle's speed, and what the steering estimate remembers."""
+    """The two observers around each vehicle's speed, and the state of the steering estimate."""
 
     running: Array  # (n,) bool: False until the lane has been seen
     below: Array  # (n,) int32: index of the lower observer
@@ -43,7 +43,7 @@ class BankState(NamedTuple):
 
 @kernel
 def observe(x, j, s, steer, curvature, seen, y, e, out):  # type: ignore[no-untyped-def]
-    """One step of observer j (eqs. 15 and 18): x (4,) of the step before, the new state into out (4,)."""
+    """One step of observer j (eqs. 15 and 18) from the previous state x (4,) to the new state out (4,)."""
     for r in range(4):
         out[r] = s.input[j, r, 0] * steer + s.input[j, r, 1] * curvature
         for c in range(4):
@@ -81,7 +81,7 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
             before = e
 
         if not state.running[i]:
-            shift = 0  # nothing to refer to; the car follows the road until the camera says more
+            shift = 0  # no earlier lane to refer to; the car is assumed to follow the road
             steer = front_steer(curvature, e, e, v, s.understeer, s.wheelbase, s.step, s.low, s.high)
             new.lower[i, 0], new.lower[i, 1] = 0.0, v * curvature
             new.lower[i, 2], new.lower[i, 3] = y, e
@@ -89,7 +89,7 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
                 new.upper[i, r] = new.lower[i, r]
         else:
             k = state.below[i]
-            for r in range(4):  # an observer that starts now starts from the one that runs on
+            for r in range(4):  # a new observer starts from the one that remains
                 first[r] = state.lower[i, r] if j <= k else state.upper[i, r]
                 second[r] = state.upper[i, r] if j >= k else state.lower[i, r]
             first[2] += shift * width
@@ -117,7 +117,7 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def forget(i, new, out):  # type: ignore[no-untyped-def]
-    """Vehicle i knows nothing: NaN in the estimate, a clean state."""
+    """Nothing is known of vehicle i: NaN in the estimate, an initial state."""
     new.below[i] = 0
     for r in range(4):
         new.lower[i, r] = new.upper[i, r] = 0.0

@@ -1,23 +1,23 @@
 """The default observer: yaw rate and lateral speed from camera and own sensors, at any speed.
 
-Where Zhang et al. 2011 take the steer for a known input, differentiated out of the picture, this filter keeps
-it as a state: the steer is what the road's curvature asks for (a little ahead of the vehicle) plus a residual
-that the driver adds, a lateral acceleration of Ornstein-Uhlenbeck kind behind the lag of arm and wheel, plus
-a quick unrest around 1 Hz that makes nothing for long. Offset and heading then show the steer, the
-single-track model makes yaw rate and lateral speed of it; what it does not know (load, wind) are their own
-noises, of which the lateral speed's grows with the turn.
+Zhang et al. 2011 treat the steer as a known input, differentiated from the image. In this filter it is part
+of the state: what the road's curvature (a little ahead of the vehicle) needs, plus a residual of the driver,
+a lateral acceleration modelled as an Ornstein-Uhlenbeck process behind the lag of arms and steering, plus
+fast jitter around 1 Hz. Offset and heading make the steer observable, and the single-track model gives yaw
+rate and lateral speed. What the model neglects (load, wind) is process noise of both; that of the lateral
+speed grows with the turn.
 
-The camera's errors are mostly not new in every look. A narrow camera sees the road from about `pivot_m` ahead
-on; what lies under the wheels comes from its memory. So heading and offset err together, as if the lane had
-been bent about that point, and so does the mean curvature, since the direction at the preview point is seen:
-by an error that lasts for seconds (a state), and by a tracker that takes the car to roll without slip (in
-proportion to v_y).
+The camera's errors are mostly not independent from look to look. A narrow camera sees the road from about
+`pivot_m` ahead on; the lane under the wheels is remembered by the tracker. So heading and offset err
+together, as if the lane were bent about that point, and so does the mean curvature, since the direction at
+the preview point is seen. Such errors last for seconds (a state), or are in proportion to v_y if the tracker
+assumes rolling without slip.
 
-A gyroscope and a steering sensor, where the vehicle has them, are two more measurements: γ and the steer,
-each with an offset that is a state and wanders slowly. Without them the filter is the camera's alone.
+A gyroscope and a steering sensor, where the vehicle has them, are two more measurements: of γ and of the
+steer, each with a slowly drifting offset as a state. Without them the camera is the only source.
 
-The model is linear for a given speed: Φ and Q are worked out on a table of speeds at set-up and interpolated.
-The exact discretisation of the single-track model becomes rolling without slip by itself as v → 0.
+The model is linear for a given speed: Φ and Q are computed for a table of speeds at set-up and interpolated.
+The exact discretisation of the single-track model tends to rolling without slip by itself as v → 0.
 """
 
 import math
@@ -51,7 +51,7 @@ from plugin.motion.filter_kernels import (
 from sumo_net.settings import settings
 from sumo_net.vehicle import Vehicle, single_track, steady_state
 
-_STANDSTILL_MPS = 0.1  # the model divides by the speed; below, it has long become kinematics
+_STANDSTILL_MPS = 0.1  # the model divides by speed; here its exact discretisation is already kinematic
 _TABLE_STEP_MPS = 1.0
 _FASTEST_MPS = 80.0
 _DOUBLINGS = 6
@@ -166,9 +166,9 @@ class FilterSettings:
 
 
 def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: float) -> tuple[Array, Array]:
-    """F (11, 11) and the noise input G (11, 11), unit white noises, of dx/dt = F x + G w.
+    """F (11, 11) and the noise input G (11, 11), for unit white noises w, of dx/dt = F x + G w.
 
-    Of all states but the sensors' offsets, which nothing of this depends on.
+    Of all states but the sensors' offsets, on which none of the others depends.
     """
     c, v = settings, speed_mps
     F, G = np.zeros((GYRO, GYRO)), np.zeros((GYRO, GYRO))
@@ -182,7 +182,7 @@ def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: floa
     F[KRATE, KRATE] = -v / c.road_length_m
     F[R, R], F[R, AIM] = -1.0 / c.steer_lag_s, 1.0 / c.steer_lag_s
     F[AIM, AIM] = -1.0 / c.residual_time_s
-    # The driver's quick unrest: a noise u less its own slow part w, each half of the variance.
+    # The driver's fast jitter: a noise u minus its low-pass part w; each of the two has half of the variance.
     F[:2, UNREST], F[:2, CALM] = B[:, 0] * _per_unrest(c), -B[:, 0] * _per_unrest(c)
     F[UNREST, UNREST] = F[CALM, CALM] = -1.0 / c.unrest_time_s
     F[CALM, UNREST] = 1.0 / c.unrest_time_s
@@ -196,13 +196,13 @@ def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: floa
 
 
 def _per_unrest(settings: FilterSettings) -> float:
-    """Steer in rad per unit of u − w, whose variance is a half where that of u is one."""
+    """Steer in rad per unit of u − w, whose variance is half of u's unit variance."""
     return settings.unrest_rad * math.sqrt(2.0)
 
 
 def discretise(F: Array, G: Array, step_s: float) -> tuple[Array, Array]:
-    """Φ and Q of a step. Van Loan's method holds e^(−F t), which overflows for the stiff tyres of a slow car:
-    it is used for a 64th of the step, which is then doubled.
+    """Φ and Q of a step. Van Loan's method contains e^(−F t), which overflows for the stiff tyres of a slow
+    car: it is applied to a 64th of the step, which is then doubled six times.
     """
     transition, noise = van_loan_discretization(F, G, dt=step_s / 2**_DOUBLINGS)
     for _ in range(_DOUBLINGS):
@@ -214,7 +214,7 @@ def discretise(F: Array, G: Array, step_s: float) -> tuple[Array, Array]:
 def with_offsets(
     transition: Array, noise: Array, settings: FilterSettings, step_s: float
 ) -> tuple[Array, Array]:
-    """Φ (13, 13) and Q (13, 13): the sensors' offsets beside, each a random walk."""
+    """Φ (13, 13) and Q (13, 13) with the sensors' offsets added, each a random walk."""
     full, walk = np.eye(N), np.zeros((N, N))
     full[:GYRO, :GYRO], walk[:GYRO, :GYRO] = transition, noise
     walk[GYRO, GYRO] = settings.yaw_rate_walk**2 * step_s
@@ -223,7 +223,7 @@ def with_offsets(
 
 
 def steer_shares(vehicle: Vehicle, settings: FilterSettings, speed_mps: float) -> tuple[float, float, float]:
-    """δ_D as a sum over (K, K', residual acceleration): the road's curvature ahead, and the rest."""
+    """Coefficients of (K, K', residual acceleration) in δ_D: curvature ahead, and the driver's residual."""
     per_curvature = vehicle.wheelbase_m + vehicle.understeer * speed_mps**2
     scale = max(speed_mps, settings.slow_mps)
     return per_curvature, per_curvature * settings.preview_s * speed_mps, per_curvature / scale**2
@@ -284,7 +284,7 @@ def measurement(settings: FilterSettings, preview_m: float) -> tuple[Array, Arra
     H = np.zeros((M, N))
     H[0, D] = H[1, PSI] = H[2, K] = H[3, KRATE] = 1.0
     H[2, KRATE] = 0.5 * preview_m
-    # The lane is bent about the pivot by an error; direction and curvature at the preview point are seen.
+    # An error bends the lane about the pivot; direction and curvature at the preview point are seen.
     bent = np.array([-c.pivot_m, 1.0, 1.0 / preview_m, -2.0 / preview_m**2])
     H[:, BIAS], H[:, VY] = bent, c.heading_per_slip * bent
     R = np.diag([c.offset_m, 0.0, c.curvature_1pm, c.curvature_rate_1pm2]) ** 2
@@ -292,13 +292,13 @@ def measurement(settings: FilterSettings, preview_m: float) -> tuple[Array, Arra
 
 
 def _turn(vehicle: Vehicle, speed_mps: float) -> Array:
-    """(v_y, γ) for curvature 1 in a steady turn."""
+    """(v_y, γ) of a steady turn of curvature 1."""
     steer = vehicle.wheelbase_m + vehicle.understeer * speed_mps**2
     return steady_state(vehicle, speed_mps, steer)
 
 
 def init(n: int) -> FilterState:
-    """n vehicles that have not seen a lane yet."""
+    """State of n vehicles that have not seen a lane yet."""
     return FilterState(
         np.zeros(n, bool),
         np.zeros((n, N)),

@@ -1,11 +1,11 @@
-"""Kernel of the motion filter over the fleet: a Kalman filter of thirteen states a vehicle.
+"""Kernel of the motion filter over the fleet: a Kalman filter of thirteen states per vehicle.
 
-x = (v_y, γ, d, ψ, K, K', r, q, u, w, b, g, o): lateral speed and yaw rate, offset and heading to the lane,
-the lane's curvature at the vehicle and its change along the lane, the lateral acceleration that the driver
-steers for beyond the road's, and where the arms are leading it; u − w, the quick unrest of the steer, and w
-its slow part; b, the slowly varying error of the camera's heading; g and o, the offsets of the gyroscope and
-of the steering sensor. Without those sensors g and o stay apart from the rest, which is then what the camera
-alone tells.
+x = (v_y, γ, d, ψ, K, K', r, q, u, w, b, g, o): lateral speed and yaw rate; offset and heading to the lane;
+the lane's curvature at the vehicle and its change along the lane; r, the lateral acceleration that the driver
+steers for beyond the road's, and q, its target value behind the lag of the arms; u, a noise, and w, its
+low-pass part, whose difference u − w is the fast steering jitter; b, the slowly varying error of the camera's
+heading; g and o, the offsets of gyroscope and steering sensor. Without these sensors g and o stay
+uncorrelated with the rest, which then depends on the camera alone.
 """
 
 import math
@@ -20,49 +20,49 @@ from sumo_net.copy_kernels import copy_matrix, copy_vector
 N = 13  # states
 M = 4  # measurements of a look
 VY, YAW, D, PSI, K, KRATE, R, AIM, UNREST, CALM, BIAS, GYRO, ALIGNMENT = range(N)
-_HARDEST_MPS2 = 3.0  # lateral acceleration up to which the noise grows with it
-_REOPENED = (VY, YAW, PSI, R, AIM)
-_REOPENED_SENSED = (D, PSI, K, KRATE)  # where the vehicle's own sensors tell the rest
+_HARDEST_MPS2 = 3.0  # lateral acceleration up to which the process noise grows with it
+_REOPENED = (VY, YAW, PSI, R, AIM)  # states whose variance an abrupt manoeuvre raises
+_REOPENED_SENSED = (D, PSI, K, KRATE)  # the same with own sensors, which measure the motion
 _REOPENED_BY_YAW_RATE, _REOPENED_BY_STEER = (VY, YAW), (R, AIM)
 # standard deviations by state: m/s, rad/s, m, rad, 1/m, 1/m², m/s², m/s²
 _REOPENED_SD = (0.3, 0.1, 0.05, 0.01, 3e-4, 1e-5, 2.0, 2.0)
-_GROSS = 2.0  # so many times off the clip an innovation is an error, no manoeuvre
+_GROSS = 2.0  # multiple of the clip beyond which an innovation is a gross one
 
 
 class FilterSchedule(NamedTuple):
-    """Everything of the filter that is worked out before driving; m speeds from 0, equally spaced."""
+    """Everything of the filter that is computed at set-up; m speeds from 0, equally spaced."""
 
     transition: Array  # (m, 13, 13) Φ
     noise: Array  # (m, 13, 13) Q
     steer: Array  # (m, 3) δ_D = steer · (K, K', r)
     steady: Array  # (m, 2) (v_y, γ) in a steady turn, for curvature 1
-    initial: Array  # (13,) variances on first sight, of what that look does not tell
+    initial: Array  # (13,) variances after the first look
     whitened: Array  # (4, 13) W H: measurements (d, ψ, mean K, K') of unit variance, uncorrelated
     whitener: Array  # (4, 4) W
-    quick: float  # rad, of UNREST − CALM
-    slip_error: float  # √s of the share of v γ that the model's v̇_y errs by
-    liveliness: float  # 1/√s, how much more the aim varies with what is steered for
+    quick: float  # rad per unit of UNREST − CALM
+    slip_error: float  # √s, error of the model's v̇_y as a share of v γ
+    liveliness: float  # 1/√s, growth of AIM's noise with the residual
     spacing: float  # m/s between two speeds
     preview: float
     step: float
     coast: float  # s
     settle: float  # s
-    doubt: float  # an innovation of so many standard deviations contradicts the estimate
-    clip: float  # innovations count up to so many standard deviations
-    away: float  # m, an offset so far off is a misfit whatever the covariance says
-    misfits: int  # so many looks in a row grossly off start the filter anew
-    one_border: float  # factor on the standard deviations while one border only is seen
+    doubt: float  # standard deviations from which on an innovation contradicts the estimate
+    clip: float  # standard deviations at which innovations are clipped
+    away: float  # m, offset innovation from which on a look is a misfit, whatever the covariance
+    misfits: int  # more misfits in a row than this restart the filter
+    one_border: float  # factor on the standard deviations while only one border is seen
     width_gain: float
     yaw_rate_noise: float  # variance of a reading of the gyroscope
     steer_noise: float  # variance of a reading of the front wheels' steer, at speed
-    steer_scale: float  # share of the steer that the reading errs by besides
-    slow: float  # m/s, below it the steer says less and less
+    steer_scale: float  # further error of the reading, as a share of the steer
+    slow: float  # m/s, below which the steer is trusted less and less
     sensed_look: float  # factor on the standard deviations of offset and heading while both sensors read
-    sensed_slip_error: float  # in the place of slip_error then
+    sensed_slip_error: float  # replaces slip_error then
 
 
 class FilterState(NamedTuple):
-    """The filter of n vehicles."""
+    """The filter state of n vehicles."""
 
     running: Array  # (n,) bool
     x: Array  # (n, 13)
@@ -70,7 +70,7 @@ class FilterState(NamedTuple):
     width: Array  # (n,)
     unseen: Array  # (n,) s since the lane was last seen
     age: Array  # (n,) s since the filter started
-    misfits: Array  # (n,) int32 looks in a row that did not fit
+    misfits: Array  # (n,) int32 misfits in a row
     settled: Array  # (n,) s since the start or since a look last contradicted the state
 
 
@@ -78,7 +78,7 @@ class FilterState(NamedTuple):
 def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
     """One step for n vehicles; the new FilterState into `new`, a MotionEstimate into `out`.
 
-    `own` (OwnReadings) are the vehicle's own sensors', NaN where there are none.
+    `own` (OwnReadings): the vehicles' own sensors, NaN where there are none.
     """
     F, Q, half = np.empty((N, N)), np.empty((N, N)), np.empty((N, N))
     z, gain, PH = np.empty(M), np.empty(N), np.empty(N)
@@ -86,9 +86,10 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
     for i in range(speed.size):
         v = max(0.0, speed[i])
         z[0], z[1] = lane.lateral_offset_m[i], lane.heading_error_rad[i]
-        # The mean curvature up to the preview point is (e_L + ψ) / D_L. It tells of the road that is about to
-        # be driven also where its change begins or ends in view; carried back from K_L, that would not hold.
-        # The change in front of the vehicle is surer from it than from the estimate's own, which reaches on.
+        # The mean curvature up to the preview point is (e_L + ψ) / D_L. It holds for the road that is driven
+        # next even where a change of curvature begins or ends in view; extrapolated back from K_L it would
+        # not. K' in front of the vehicle is better known from it than from the tracker's own, which reaches
+        # further.
         mean = (lane.preview_heading_rad[i] + z[1]) / s.preview
         z[2] = mean
         z[3] = 2.0 * (lane.curvature_1pm[i] - mean) / s.preview
@@ -116,7 +117,7 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                 if seen and math.isfinite(lane.lane_width_m[i]):
                     width += s.width_gain * (lane.lane_width_m[i] - width)
             predict(state.x[i], state.P[i], j, w, s, F, Q, half, x, P)
-            # Another load errs with the turn; who steers much is about to steer otherwise.
+            # The error of another load grows with the turn; large steering is likely to change soon.
             turn, steered = min(abs(v * x[YAW]), _HARDEST_MPS2), min(abs(x[R]), _HARDEST_MPS2)
             P[VY, VY] += s.step * ((s.sensed_slip_error if sensed else s.slip_error) * turn) ** 2
             P[AIM, AIM] += s.step * (s.liveliness * steered) ** 2
@@ -125,7 +126,7 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                 shift = int(lane.lane_shift[i])
                 x[D] -= shift * width
             if seen:
-                # A change of lane that nobody told of shows as an offset that is a lane width away.
+                # A lane change that the tracker has not reported shows as an offset a lane width away.
                 if math.isfinite(width):
                     jump = round((x[D] - z[0]) / width)
                     x[D] -= jump * width
@@ -138,8 +139,8 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                 off = update(x, P, z, pose_spread, spread, s, gain, PH)
                 contradicted = sensed and off > s.doubt
                 if off > _GROSS * s.clip and not away:
-                    # An abrupt manoeuvre, no error of the camera: what is not measured is open again. That is
-                    # the lane, not the motion, where the vehicle's own sensors read.
+                    # An abrupt manoeuvre rather than an error of the camera: the variances of what is not
+                    # measured are raised. With own sensors that is the lane, not the motion.
                     if sensed:
                         copy_vector(x_before, x)
                         copy_matrix(P_before, P)
@@ -194,8 +195,10 @@ def predict(x0, P0, j, w, s, F, Q, half, x, P):  # type: ignore[no-untyped-def]
 
 @kernel
 def update(x, P, z, pose_spread, road_spread, s, gain, PH):  # type: ignore[no-untyped-def]
-    """One whitened measurement after the other (eqs. 17 to 19); returns by how many standard deviations the
-    worst was off. The spreads multiply the standard deviations of (d, ψ) and of (mean K, K').
+    """Sequential update by the whitened measurements (eqs. 17 to 19).
+
+    Returns the largest innovation in standard deviations. The spreads multiply the standard deviations of
+    (d, ψ) and of (mean K, K').
     """
     worst = 0.0
     for m in range(M):
@@ -212,7 +215,7 @@ def update(x, P, z, pose_spread, road_spread, s, gain, PH):  # type: ignore[no-u
             S += s.whitened[m, r] * PH[r]
         limit = s.clip * math.sqrt(S)
         worst = max(worst, abs(residual) / math.sqrt(S))
-        if abs(residual) > _GROSS * limit:  # the farther off, the less it counts
+        if abs(residual) > _GROSS * limit:  # the larger, the less it counts
             residual = _GROSS * limit * limit / residual
         elif abs(residual) > limit:
             residual = math.copysign(limit, residual)
@@ -227,10 +230,11 @@ def update(x, P, z, pose_spread, road_spread, s, gain, PH):  # type: ignore[no-u
 
 @kernel
 def sense(x, P, yaw_rate, steer, j, w, v, s, row, PH):  # type: ignore[no-untyped-def]
-    """Update by the gyroscope and by the steering sensor, each where it says something.
+    """Update by the gyroscope and by the steering sensor, each where it reads.
 
-    Both are surer than the model of the driver. What contradicts them is an abrupt manoeuvre, or tyres that
-    the model does not know: then what is not measured is open again, lest the offsets take it.
+    Both are more reliable than the model of the driver. A contradiction means an abrupt manoeuvre, or tyres
+    other than modelled: then the variances of what is not measured are raised, so that the offsets do not
+    absorb it.
     """
     if math.isfinite(yaw_rate):
         row[:] = 0.0
@@ -249,7 +253,10 @@ def sense(x, P, yaw_rate, steer, j, w, v, s, row, PH):  # type: ignore[no-untype
 
 @kernel
 def _reading(x, P, z, noise, clip, opened, row, PH):  # type: ignore[no-untyped-def]
-    """One reading z = row · x + noise (eqs. 17 to 19)."""
+    """Update by one reading z = row · x + noise (eqs. 17 to 19).
+
+    `opened`: states whose variance is raised first if the innovation exceeds `clip` standard deviations.
+    """
     S, residual = noise, z
     for r in range(N):
         residual -= row[r] * x[r]
@@ -273,20 +280,20 @@ def _reading(x, P, z, noise, clip, opened, row, PH):  # type: ignore[no-untyped-
 
 @kernel
 def reopen(P, states):  # type: ignore[no-untyped-def]
-    """Take these states for hardly known."""
+    """Raise the variances of these states by _REOPENED_SD²."""
     for k in range(len(states)):
         P[states[k], states[k]] += _REOPENED_SD[states[k]] ** 2
 
 
 @kernel
 def lasts(state, running):  # type: ignore[no-untyped-def]
-    """Whether a new start leaves a state alone: an offset of a sensor, or the motion of a filter that ran."""
+    """Whether a restart keeps a state: an offset of a sensor, or the motion of a filter that was running."""
     return state >= GYRO or (running and state in (VY, YAW, UNREST, CALM))
 
 
 @kernel
 def keep(running, x0, P0, x, P):  # type: ignore[no-untyped-def]
-    """Carry over from (x0, P0) what the vehicle's own sensors know whatever the lane."""
+    """Carry over from (x0, P0) what the vehicle's own sensors measure independently of the lane."""
     for a in range(N):
         if not lasts(a, running) or P0[a, a] <= 0.0:  # or was never known
             continue
@@ -298,7 +305,7 @@ def keep(running, x0, P0, x, P):  # type: ignore[no-untyped-def]
 
 @kernel
 def begin(z, j, w, v, s, x, P):  # type: ignore[no-untyped-def]
-    """Start from one look: offset, heading and curvature as seen, the car following the road steadily."""
+    """Start from one look: offset, heading and curvature as seen, in a steady turn along the road."""
     for r in range(N):
         x[r] = 0.0
         for c in range(N):
@@ -312,7 +319,7 @@ def begin(z, j, w, v, s, x, P):  # type: ignore[no-untyped-def]
 
 @kernel
 def report(i, x, j, w, s, age, width, shift, out):  # type: ignore[no-untyped-def]
-    """State x as row i of the MotionEstimate; nothing is said before the filter has settled."""
+    """State x as row i of the MotionEstimate; NaN until the filter has settled."""
     out.lateral_speed_mps[i], out.yaw_rate_rps[i] = x[VY], x[YAW]
     out.lateral_offset_m[i], out.heading_error_rad[i] = x[D], x[PSI]
     out.curvature_1pm[i], out.curvature_rate_1pm2[i] = x[K], x[KRATE]
@@ -329,7 +336,7 @@ def report(i, x, j, w, s, age, width, shift, out):  # type: ignore[no-untyped-de
 
 @kernel
 def forget(i, state, new, out):  # type: ignore[no-untyped-def]
-    """Vehicle i knows nothing: NaN in the estimate, a clean state but for the sensors' offsets."""
+    """Nothing is known of vehicle i: NaN in the estimate, an initial state but for the sensors' offsets."""
     new.running[i], new.age[i], new.misfits[i] = False, 0.0, 0
     new.width[i], new.unseen[i], new.settled[i] = math.nan, 0.0, 0.0
     for r in range(N):

@@ -1,4 +1,4 @@
-"""The observer that a run uses: Z11's bank (`paper`, camera only) or the filter (`refined`), one way in.
+"""Common interface of the observers: Z11's bank (`paper`, camera only) and the filter (`refined`).
 
 table = schedule(vehicle, camera.preview_m, ObserverSettings())
 state = init(n, table)
@@ -42,14 +42,14 @@ class ObserverSettings:
 
 
 def schedule(vehicle: Vehicle, preview_m: float, settings: ObserverSettings, step_s: float = 0.1) -> Schedule:
-    """All that is worked out before driving; preview_m is the camera's D_L."""
+    """All that is computed at set-up; preview_m is the camera's D_L."""
     if settings.mode == "paper":
         return bank.schedule(vehicle, preview_m, settings.bank, settings.coast_s, step_s)
     return filter.schedule(vehicle, preview_m, settings.filter, settings.coast_s, step_s)
 
 
 def init(n: int, schedule: Schedule) -> State:
-    """n vehicles that have not seen a lane yet."""
+    """State of n vehicles that have not seen a lane yet."""
     return bank.init(n) if isinstance(schedule, BankSchedule) else filter.init(n)
 
 
@@ -62,8 +62,8 @@ def step(
 ) -> tuple[State, MotionEstimate]:
     """One step of 0.1 s for n vehicles; speed_mps (n,) from the vehicle's own speedometer.
 
-    `own`: yaw rate and steer, None for a camera alone; Z11's bank never looks at them. Without a lane it
-    coasts for `coast_s`, then all is NaN. Raises TypeError for a state of the other mode.
+    `own`: yaw rate and steer, None for a camera alone; Z11's bank does not use them. Without a lane it coasts
+    for `coast_s`; after that all is NaN. Raises TypeError for a state of the other mode.
     """
     if isinstance(schedule, BankSchedule) and isinstance(state, BankState):
         return bank.step(state, schedule, lane, speed_mps)
@@ -73,11 +73,11 @@ def step(
 
 
 def yaw_rate(state: State, motion: MotionEstimate, measured_rps: Array) -> Array:
-    """The best yaw rate (n,) for the radar: as observed, else the gyroscope's less its known offset."""
+    """The best yaw rate (n,) for the radar: as observed, else the gyroscope's minus its estimated offset."""
     known = measured_rps - gyroscope_offset(state)
     return np.where(np.isfinite(motion.yaw_rate_rps), motion.yaw_rate_rps, known)
 
 
 def gyroscope_offset(state: State) -> Array:
-    """(n,) rad/s by which the gyroscope is known to read too much."""
+    """Estimated offset (n,) of the gyroscope in rad/s; 0 in mode paper."""
     return state.x[:, GYRO] if isinstance(state, FilterState) else np.zeros(len(state.running))

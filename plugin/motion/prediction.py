@@ -1,9 +1,9 @@
-"""Where the vehicle will be: the path of the next seconds from (v, v_y, γ, δ, K) (Zhang et al. 2011, 4.2).
+"""Path prediction over the next seconds from (v, v_y, γ, δ, K) (Zhang et al. 2011, 4.2).
 
-`paper` holds the steer. `refined` lets the driver follow the road that the camera sees ahead and lets what
-the driver steers beyond that fade, with a return to the lane; the quick unrest of the steer, where the
-observer tells it apart, ends within half a second. The two assumptions that Z11 criticises,
-constant lateral velocity and constant turn radius, are here as baselines.
+`paper` holds the steer. In `refined` the driver follows the road that the camera sees ahead; the steer beyond
+that decays, with a return to the lane centre, and fast steering jitter, where the observer separates it, ends
+within half a second. The two assumptions that Zhang et al. criticise, constant lateral velocity and constant
+turn radius, are here as baselines.
 """
 
 from collections.abc import Callable
@@ -66,7 +66,7 @@ class PredictionSettings:
 
 
 def predictor(vehicle: Vehicle, settings: PredictionSettings) -> Predictor:
-    """The kernel's view of the settings."""
+    """Kernel parameters of the predictor."""
     c = settings
     return Predictor(
         model(vehicle),
@@ -90,17 +90,17 @@ def predictor(vehicle: Vehicle, settings: PredictionSettings) -> Predictor:
 
 
 def predict(motion: MotionEstimate, speed_mps: Array, predictor: Predictor) -> Trajectory:
-    """Paths of n vehicles by the single-track model, (n, H) each; NaN where the motion is not known."""
+    """Paths of n vehicles by the single-track model, (n, H) each; NaN where the motion is unknown."""
     return _run(prediction_kernels.single_track, motion, speed_mps, predictor)
 
 
 def constant_velocity(motion: MotionEstimate, speed_mps: Array, predictor: Predictor) -> Trajectory:
-    """Baseline: along the road, the offset growing by the lateral velocity of now."""
+    """Baseline: along the road, the offset growing at the present lateral velocity."""
     return _run(prediction_kernels.constant_velocity, motion, speed_mps, predictor)
 
 
 def constant_radius(motion: MotionEstimate, speed_mps: Array, predictor: Predictor) -> Trajectory:
-    """Baseline: on the circle of the yaw rate and slip of now, the road curving away or not."""
+    """Baseline: on the circle of the present yaw rate and slip, whatever the road does."""
     return _run(prediction_kernels.constant_radius, motion, speed_mps, predictor)
 
 

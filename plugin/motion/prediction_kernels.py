@@ -1,7 +1,7 @@
 """Kernels of the path prediction over the fleet: the single-track model, and the two baselines.
 
-Every path is followed at once in the vehicle frame of now and along the lane of now, whose curvature is
-K + K' s up to `reach` metres ahead and constant beyond, as far as K' is what roads have.
+Each path is integrated both in the present vehicle frame and along the present lane, whose curvature is
+K + K' s up to `reach` metres ahead and constant beyond; an implausibly large K' is reduced (`believed`).
 """
 
 import math
@@ -10,11 +10,11 @@ from typing import NamedTuple
 from sumo_net.compile import kernel
 from sumo_net.vehicle import Model
 
-_KINEMATIC_MPS = 0.5  # the tyres answer within 5 ms here: rolling without slip
+_KINEMATIC_MPS = 0.5  # below, the tyres respond within 5 ms: rolling without slip
 
 
 class Predictor(NamedTuple):
-    """The predictor's numbers as kernels take them."""
+    """The predictor's parameters as kernels take them."""
 
     model: Model
     understeer: float
@@ -23,21 +23,21 @@ class Predictor(NamedTuple):
     follows_road: bool  # False: steer held (paper)
     residual_rate: float  # 1/s, 0 holds the residual
     lag: float  # s
-    unrest: float  # rad, standard deviation of the quick unrest
+    unrest: float  # rad, standard deviation of the fast steering jitter
     unrest_rate: float  # 1/s
     calm: float  # m/s², residual of a steady driver
-    doubt: float  # how much less of a larger residual is taken for unrest
+    doubt: float  # how much less of a larger residual is taken for jitter
     preview: float  # s
     slow: float  # m/s
     stiffness: float  # 1/s², return to the lane centre
     damping: float  # 1/s
     reach: float  # m
-    jerk: float  # m/s³, up to which a change of curvature is believed; inf: always
+    jerk: float  # m/s³, lateral jerk up to which a change of curvature is believed; inf: always
 
 
 @kernel
 def believed(rate, v, jerk):  # type: ignore[no-untyped-def]
-    """The change of curvature that counts: all up to |K'| v³ = jerk, as on roads, none from twice that."""
+    """The change of curvature that is used: all of it up to |K'| v³ = jerk, none from twice that."""
     return rate * min(max(2.0 - abs(rate) * v * v * v / jerk, 0.0), 1.0)
 
 
@@ -96,9 +96,9 @@ def travel(x, y, heading, s, d, psi, v, v_y0, v_y1, yaw0, yaw1, k, rate, reach, 
 
 @kernel
 def unrest_share(beyond, calm, unrest, doubt):  # type: ignore[no-untyped-def]
-    """Share of the steer beyond the road's that is quick unrest, to be expected when that is not known.
+    """Expected share of fast jitter in the steer beyond the road's, when that is not estimated.
 
-    Of two normal parts with deviations `unrest` and `calm`; who steers far more than that means it.
+    For two normal parts with standard deviations `unrest` and `calm`; larger steer is taken as intended.
     """
     return unrest * unrest / (unrest * unrest + calm * calm + doubt * beyond * beyond)
 
@@ -122,7 +122,7 @@ def single_track(motion, speed, q, out):  # type: ignore[no-untyped-def]
             u = beyond * unrest_share(beyond, q.calm * share, q.unrest, q.doubt)
         residual = (beyond - u) / share
         drift = v * math.sin(psi) + v_y * math.cos(psi)
-        aim = residual + q.stiffness * d + q.damping * drift  # the driver's own, as the feedback leaves it
+        aim = residual + q.stiffness * d + q.damping * drift  # the driver's intention, without the feedback
         fade = math.exp(-q.residual_rate * q.step)
         follow = 1.0 - math.exp(-q.step / q.lag)
         turns = q.step * q.unrest_rate
@@ -150,7 +150,7 @@ def single_track(motion, speed, q, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def constant_radius(motion, speed, q, out):  # type: ignore[no-untyped-def]
-    """Trajectory with yaw rate and slip of now, for n vehicles, into `out`."""
+    """Trajectory with the present yaw rate and slip held, for n vehicles, into `out`."""
     for i in range(speed.size):
         v, v_y, yaw = max(0.0, speed[i]), motion.lateral_speed_mps[i], motion.yaw_rate_rps[i]
         k, rate = motion.curvature_1pm[i], believed(motion.curvature_rate_1pm2[i], v, q.jerk)
@@ -166,7 +166,7 @@ def constant_radius(motion, speed, q, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def constant_velocity(motion, speed, q, out):  # type: ignore[no-untyped-def]
-    """Trajectory along the road with the lateral velocity of now, d + ḋ t, for n vehicles, into `out`."""
+    """Trajectory along the road with the present lateral velocity, d + ḋ t, for n vehicles, into `out`."""
     for i in range(speed.size):
         v, k = max(0.0, speed[i]), motion.curvature_1pm[i]
         rate = believed(motion.curvature_rate_1pm2[i], v, q.jerk)

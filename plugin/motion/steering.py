@@ -1,8 +1,8 @@
 """Front-wheel angle from the camera alone (Zhang et al. 2011, section 2).
 
-The road's heading at the preview point, e_L, turns against the vehicle by v K_L − γ. What is left of it after
-the road's own curvature is the vehicle's yaw rate, hence, by geometry, the steer of a car without slip
-(eq. 10); f makes of it the steer that the car with slip needs for the same radius (eq. 13).
+The road's heading relative to the vehicle at the preview point changes by ė_L = v K_L − γ. With the road's
+curvature subtracted, it gives the yaw rate and, by geometry, the steer of a car without slip (eq. 10); f
+corrects it to the steer that the car with slip needs for the same radius (eq. 13).
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ def kinematic_steer(
     speed_mps: Array,
     step_s: float = 0.1,
 ) -> Array:
-    """δ_k (n,) in rad of eq. 10; NaN where the vehicle stands."""
+    """δ_k (n,) in rad of eq. 10; NaN at standstill."""
     moving = np.where(np.asarray(speed_mps) > 0.0, speed_mps, np.nan)
     turned = np.asarray(preview_heading_rad) - np.asarray(preview_heading_before_rad)
     return np.asarray(vehicle.wheelbase_m * (curvature_1pm - turned / (moving * step_s)))

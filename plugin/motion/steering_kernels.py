@@ -17,7 +17,7 @@ def correction(v, understeer, wheelbase):  # type: ignore[no-untyped-def]
 
 @kernel
 def handover(v, low, high):  # type: ignore[no-untyped-def]
-    """Weight of the dynamics: 0 up to `low`, 1 from `high` m/s on, smooth between."""
+    """Weight of the dynamic steer: 0 up to `low`, 1 from `high` m/s on, smooth between."""
     w = min(1.0, max(0.0, (v - low) / (high - low)))
     return w * w * (3.0 - 2.0 * w)
 
@@ -26,7 +26,7 @@ def handover(v, low, high):  # type: ignore[no-untyped-def]
 def front_steer(  # type: ignore[no-untyped-def]
     curvature, heading, heading_before, v, understeer, wheelbase, step, low, high
 ):
-    """δ_D from two looks at the road (eqs. 10, 13), rad; at a few m/s it goes over to L K_L."""
+    """δ_D in rad from two successive looks (eqs. 10, 13), blended into L K_L between `high` and `low` m/s."""
     w = handover(v, low, high)
     steer = wheelbase * curvature
     if w > 0.0:
