@@ -1,9 +1,9 @@
 """Starting the road model: from the published search's parabolas, and from a vote of all ridges.
 
-The vote is a second opinion for frames where shadows or hidden paint mislead the search: every ridge below
-`NEAR_M` votes, under each heading and curvature of a grid, for a lateral position; the best pair of positions
-a lane width apart with the vehicle between them wins; where that would be an odd width, votes for a line
-between the two speak against them. The start whose fit finds more paint is taken.
+The vote is an alternative for frames where shadows or hidden paint mislead the search: every ridge nearer
+than `NEAR_M` votes, for each heading and curvature of a grid, for a lateral position; the best pair of
+positions a lane width apart with the vehicle between them wins. If their distance is an unusual lane width,
+votes for a line between them count against the pair. The start whose fit finds more paint is taken.
 """
 
 import math
@@ -37,7 +37,7 @@ NEAR_M = 60.0
 MIDDLE_M = 28.0
 SEGMENTS, PER_SEGMENT = 5, 3
 BIN_M, HALF_BINS = 0.15, 60
-WIDEST_M = 2 * HALF_BINS * BIN_M  # of a lane: its borders, and lines within it, fall into bins
+WIDEST_M = 2 * HALF_BINS * BIN_M  # widest lane whose borders fall into the bins
 HEADINGS, HEADING_STEP = 19, 0.008
 CURVATURES, CURVATURE_STEP = 17, 6.0e-4
 STARTS = 3
@@ -46,9 +46,9 @@ CLEAR_M = 0.75  # closer to a border, a line may be the other one of a pair
 
 @kernel
 def initial_covariance(P, t, lateral_std, direction_std, width_std, curvature_std):  # type: ignore[no-untyped-def]
-    """P of a start: an arc known by its place and direction at MIDDLE_M and its curvature, independently.
+    """P of a start: an arc with independent errors of position and direction at MIDDLE_M and of curvature.
 
-    Along the road the curvature is a random walk about the arc's.
+    Along the road, the curvature is a random walk about the arc's.
     """
     P[:, :] = 0.0
     for i in range(STATES):
@@ -76,7 +76,7 @@ def initial_covariance(P, t, lateral_std, direction_std, width_std, curvature_st
 
 @kernel
 def parabola_as_candidates(left, right, rows, work):  # type: ignore[no-untyped-def]
-    """Put the columns of the search's borders (a, b, c) in the place of ridges."""
+    """Use the columns of the search's borders (a, b, c) as ridges."""
     for side in range(OUTER_LEFT, LINES):
         work.ridges[side, :] = 0
     for side in range(OUTER_LEFT):
@@ -91,7 +91,7 @@ def parabola_as_candidates(left, right, rows, work):  # type: ignore[no-untyped-
 
 @kernel
 def ridge_points(frame, rows, p, t, noise, work, ridge, point):  # type: ignore[no-untyped-def]
-    """All ridges on the road below NEAR_M as point (M, 2): forward, left; returns how many."""
+    """All ridges on the road nearer than NEAR_M, into point (M, 2): forward, left; returns their number."""
     height, width = frame.shape
     vanishing_x = p.center_x + p.focal * p.sin_yaw / p.cos_yaw
     vanishing_y = p.center_y + p.focal_y * p.sin_pitch / p.cos_pitch
@@ -129,17 +129,16 @@ def ridge_points(frame, rows, p, t, noise, work, ridge, point):  # type: ignore[
 
 @kernel
 def together(left, right):  # type: ignore[no-untyped-def]
-    """The votes of two borders: both count, the weaker one decides."""
+    """The votes of two borders as one number, dominated by the weaker one."""
     return min(left, 4.0 * right) + min(right, 4.0 * left)
 
 
 @kernel
 def vote(point, found, about, t, bin_of, bins, smooth, starts, score):  # type: ignore[no-untyped-def]
-    """Put the best-voted arcs, each of another curvature, into starts (STARTS, STATES), best first.
+    """Put the arcs with most votes, each of another curvature, into starts (STARTS, STATES), best first.
 
-    Headings are tried around `about`. Arcs are laid out by their direction at MIDDLE_M, about which heading
-    and curvature hardly trade. Their
-    votes go into score (STARTS,); 0 where there are no more.
+    Headings are tried around `about`. Arcs are parametrised by their direction at MIDDLE_M, where heading and
+    curvature are nearly uncorrelated. Their votes go into score (STARTS,); 0: unused.
     """
     count = 2 * HALF_BINS + 1
     narrow = math.floor(t.min_width_m / BIN_M)
@@ -158,14 +157,14 @@ def vote(point, found, about, t, bin_of, bins, smooth, starts, score):  # type: 
         for h in range(HEADINGS):
             heading = about + (h - HEADINGS // 2) * HEADING_STEP
             direction = curvature * MIDDLE_M - heading
-            # the arc passes the vehicle this far left of where it is at MIDDLE_M
+            # lateral position of the arc abreast of the vehicle, relative to that at MIDDLE_M
             back = -MIDDLE_M * (direction - 0.5 * curvature * MIDDLE_M)
             middle = HALF_BINS - math.floor(back / BIN_M + 0.5)
             # bins that can be a border of a lane around the vehicle, and one more each side
             first, last = max(middle - wide - 1, 0), min(middle + wide + 2, count)
             for b in range(first, last):
                 bins[b] = 0.0
-            for m in range(found):  # in whole vectors
+            for m in range(found):  # a loop of its own, which vectorises
                 away = point[m, 0] - MIDDLE_M
                 left = point[m, 1] - away * (direction + 0.5 * curvature * away)
                 bin_of[m] = np.int32(math.floor(left / BIN_M + 0.5))
@@ -185,7 +184,7 @@ def vote(point, found, about, t, bin_of, bins, smooth, starts, score):  # type: 
                 nearest = min(b - narrow, middle)
                 if b - nearest > usual and 5.0 * smooth[b] * odds[b - nearest] <= best:
                     continue
-                within = 0.0  # votes of the best line between the two: they may be two lanes
+                within = 0.0  # votes of the best line between the two, which may be two lanes
                 for inner in range(nearest + clear + 1, b - clear + 1):
                     within = max(within, smooth[inner])
                 for c in range(nearest, max(0, b - wide) - 1, -1):
@@ -208,7 +207,7 @@ def vote(point, found, about, t, bin_of, bins, smooth, starts, score):  # type: 
                         trial[NEXT_LEFT] = width
                         trial[NEXT_RIGHT] = width
                         trial[KNOT : KNOT + KNOTS] = curvature
-        # neighbouring curvatures share their place: they are the same lane
+        # neighbouring curvatures share a slot: they are the same lane
         place = STARTS
         for n in range(STARTS):
             if score[n] > 0.0 and abs(starts[n, KNOT] - curvature) < 1.5 * CURVATURE_STEP:
@@ -230,7 +229,7 @@ def vote(point, found, about, t, bin_of, bins, smooth, starts, score):  # type: 
 
 @kernel
 def line_within(x, point, found, bins):  # type: ignore[no-untyped-def]
-    """Ridges on the best line along the lane x between its borders, not close to either."""
+    """Number of ridges on the best line parallel to the lane x between its borders, not close to either."""
     bins[:] = 0.0
     reach = 0.5 * x[WIDTH] - CLEAR_M
     for m in range(found):
@@ -246,7 +245,7 @@ def line_within(x, point, found, bins):  # type: ignore[no-untyped-def]
 
 @kernel
 def lane_start(t, x):  # type: ignore[no-untyped-def]
-    """A straight lane of usual width, the vehicle in its middle."""
+    """Set x to a straight lane of usual width with the vehicle in its middle."""
     x[:] = 0.0
     x[WIDTH] = t.lane_width_m
     x[NEXT_LEFT] = t.lane_width_m

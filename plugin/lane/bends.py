@@ -1,10 +1,10 @@
-"""The road ahead, tried anew where it bends more than roads do.
+"""The road ahead is fitted anew where it bends more than roads do.
 
-What is seen far ahead is small, and partly no paint: edges and lamps of vehicles that the radar does not see.
-A line that followed such a thing for some frames is taken for well known, since every frame counts as a look
-of its own, and drags the bend along while it comes nearer. Of single frames none would outweigh how roads
-bend. So wherever the curvature leaves its own course by too much, the road from there on is forgotten, sought
-in the frame at hand, and taken as found if that is likelier by this frame alone.
+What is seen far ahead is small, and partly not paint: edges and lamps of vehicles that the radar does not
+see. A line that followed such a thing for some frames counts as well known, since frames are treated as
+independent, and keeps a wrong bend while it comes nearer. No single frame would outweigh the prior of how
+roads bend. So where the curvature departs too far from its continuation, the road from there on is reset to
+the prior and fitted to the present frame; the result is taken if it is more likely by this frame alone.
 """
 
 import math
@@ -15,12 +15,12 @@ from plugin.lane.road_model import KNOT, KNOTS, LINES
 from sumo_net.compile import kernel
 from sumo_net.copy_kernels import copy_matrix, copy_vector
 
-FIRST = 2  # the first knot that has a course to leave
+FIRST = 2  # the first knot that is predicted from knots before it
 
 
 @kernel
 def odd_bend(x, t):  # type: ignore[no-untyped-def]
-    """The first knot whose curvature leaves the course of those before by more than roads do, or KNOTS."""
+    """The first knot whose curvature departs too far from the continuation of those before; KNOTS: none."""
     for j in range(FIRST, KNOTS):
         if abs(x[KNOT + j] - continued(x, KNOT + j, t)) > t.gate * t.bend_std:
             return j
@@ -29,14 +29,14 @@ def odd_bend(x, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def bend_std(speed, t):  # type: ignore[no-untyped-def]
-    """By how much roads that are driven so fast leave their course from knot to knot: streets do by more."""
+    """Standard deviation of a knot's curvature about its continuation, on roads driven at this speed."""
     v = max(speed, t.bend_slow_mps)
     return max(t.bend_std, t.bend_std_mps2 / (v * v))
 
 
 @kernel
 def likelihood(x, phase, rows, p, bend, t, work):  # type: ignore[no-untyped-def]
-    """Logarithm of how likely the ridges gathered make the road x, and how likely roads bend so, ± bend."""
+    """Logarithm of the posterior of road x by the gathered ridges, up to a constant; bend: as `bend_std`."""
     place_borders(x, phase, rows, p, t, work)
     total = 0.0
     for side in range(LINES):
@@ -59,7 +59,7 @@ def likelihood(x, phase, rows, p, bend, t, work):  # type: ignore[no-untyped-def
 
 @kernel
 def seek_bends(frame, x, P, phase, speed, before, rows, p, t, noise, work, room):  # type: ignore[no-untyped-def]
-    """Seek the road from `odd_bend` of the fitted x on; put it into x if it is likelier, and no more so odd.
+    """Fit the road anew from `odd_bend` of x on; put it into x if it is more likely and bends less oddly.
 
     P is the prediction's covariance, `before` its state. The better fit's results are left in work.
     """

@@ -1,4 +1,4 @@
-"""A vehicle ahead in the own lane, seen in one frame: what it hides is not to be searched for paint."""
+"""A vehicle ahead in the own lane, detected in one frame: what it hides is not searched for paint."""
 
 import math
 
@@ -7,7 +7,7 @@ import numpy as np
 from plugin.lane.road_model import LEFT, RIGHT
 from sumo_net.compile import kernel
 
-BODY_CONTRAST, BODY_SHARE = 20.0, 0.25  # grey levels, and share of the road's grey, that a body differs by
+BODY_CONTRAST, BODY_SHARE = 20.0, 0.25  # least difference to the road: grey levels, and share of its grey
 BODY_MARGIN_PX = 4
 
 
@@ -15,8 +15,8 @@ BODY_MARGIN_PX = 4
 def body_ahead(frame, rows, work):  # type: ignore[no-untyped-def]
     """A vehicle in the own lane: (row index from which on it hides the road, first column, last column).
 
-    Where the middle of the lane ceases to look like the road below, for two rows and over a width that a
-    vehicle has, something stands on it; its edges and lamps are not paint. Without one the index is past all.
+    Where the middle of the lane differs from the road below for two rows and over the width of a vehicle,
+    there is a body; its edges and lamps are not paint. Without one, the index is the number of rows.
     """
     height, width = frame.shape
     road, strange = -1.0, 0

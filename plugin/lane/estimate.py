@@ -1,4 +1,4 @@
-"""What lane detection hands on: borders in the image, and the lane in the vehicle frame."""
+"""Results of lane detection: borders in the image, and the lane in the vehicle frame."""
 
 from typing import Any, NamedTuple
 
@@ -16,10 +16,10 @@ class Borders(NamedTuple):
 
 
 class LaneEstimate(NamedTuple):
-    """The ego lane as a camera knows it, (n,) each. Left positive; NaN where `locked` is False."""
+    """The ego lane as detected by the camera, (n,) each. Left positive; NaN where `locked` is False."""
 
     locked: Array  # bool
-    score: Array  # 0 (nothing seen) to 1 (every expected marking point found)
+    score: Array  # 0 (nothing seen) to 1 (as much as expected)
     lateral_offset_m: Array  # vehicle's centre of gravity left of the lane centre
     heading_error_rad: Array  # vehicle heading minus lane heading, at the centre of gravity
     curvature_1pm: Array  # lane curvature at the preview point, K_L
@@ -27,7 +27,7 @@ class LaneEstimate(NamedTuple):
     lane_width_m: Array
     preview_offset_m: Array  # y_L: lane centre left of the vehicle's axis at the preview distance
     preview_heading_rad: Array  # e_L: lane heading minus vehicle heading there
-    left_border_seen: Array  # bool: measured in this frame, not only carried on by the model
+    left_border_seen: Array  # bool: measured in this frame, not only predicted
     right_border_seen: Array  # bool
     left_bare_m: Array  # driven since paint of that border was seen near by; known also where not locked
     right_bare_m: Array

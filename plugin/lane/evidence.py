@@ -1,4 +1,4 @@
-"""What speaks for a lane in one frame: the image's noise, rows with paint, a plausible state."""
+"""Evidence for a lane in one frame: the image's noise, rows with paint, plausibility of the state."""
 
 import math
 
@@ -7,13 +7,13 @@ from plugin.lane.ridge import road_noise
 from plugin.lane.road_model import HEADING, KNOT, LEFT, NEXT_LEFT, OFFSET, PITCH, RIGHT, WIDTH
 from sumo_net.compile import kernel
 
-LEAST_JUDGED = 6  # rows in which a line must be in view for what is found of it to tell anything
-NEIGHBOUR_DIFFERENCE = 2.0 / math.sqrt(math.pi)  # mean |a - b| of two normal draws of deviation 1
+LEAST_JUDGED = 6  # least rows in view for the share of found ones to be meaningful
+NEIGHBOUR_DIFFERENCE = 2.0 / math.sqrt(math.pi)  # mean |a - b| of two standard normal draws
 
 
 @kernel
 def pixel_noise(frame, rows, work):  # type: ignore[no-untyped-def]
-    """Standard deviation of a pixel on the road between the borders, from neighbours' differences."""
+    """Standard deviation of a pixel on the road between the borders, from differences of neighbours."""
     total, count = 0.0, 0
     for r in range(0, rows.shape[0], 4):
         left, right = work.border[LEFT, r, 0], work.border[RIGHT, r, 0]
@@ -29,7 +29,7 @@ def pixel_noise(frame, rows, work):  # type: ignore[no-untyped-def]
 
 @kernel
 def plausible(x, speed, t):  # type: ignore[no-untyped-def]
-    """Whether a state can be a car in a lane, on a road that can be driven at `speed`."""
+    """Whether a state can be that of a car in a lane, on a road that can be driven at `speed`."""
     if not (t.min_width_m <= x[WIDTH] <= t.max_width_m):
         return False
     if not abs(x[HEADING]) < 0.3 or not abs(x[OFFSET]) < 0.5 * x[WIDTH] + t.outside_m:
@@ -43,16 +43,16 @@ def plausible(x, speed, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def width_odds(width, t):  # type: ignore[no-untyped-def]
-    """How likely lanes are so wide, against the likeliest width; heavy tails, for roads that others drew."""
+    """Probability of a lane width relative to the likeliest one; heavy tails, for arbitrary networks."""
     off = (width - t.lane_width_m) / t.lane_width_std_m
     return max(math.exp(-0.125 * off * off), t.odd_width)
 
 
 @kernel
 def over(side, x, t):  # type: ignore[no-untyped-def]
-    """Whether a car beyond the border on a side of x is in the lane there.
+    """Whether a car that is beyond x's border on a side is in the lane there.
 
-    A strip that is odder than this lane may be a median: the car has to be well beyond.
+    A strip of a less usual width than this lane may be a median: then the car must be well beyond the border.
     """
     odder = width_odds(x[NEXT_LEFT + side], t) < min(width_odds(x[WIDTH], t), t.usual_width)
     return abs(x[OFFSET]) - 0.5 * x[WIDTH] > (t.odd_beyond_m if odder else 0.0)
@@ -60,7 +60,7 @@ def over(side, x, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def of_usual_width(x, t):  # type: ignore[no-untyped-def]
-    """Whether lanes are often as wide as x."""
+    """Whether x has a usual lane width."""
     return width_odds(x[WIDTH], t) >= t.usual_width
 
 
@@ -72,13 +72,13 @@ def side_seen(found, expected, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def _both(left, right):  # type: ignore[no-untyped-def]
-    """Rows with either border as one number; both count, the weaker one decides."""
+    """Rows found of both borders as one number, dominated by the weaker one."""
     return min(left, 3 * right) + min(right, 3 * left)
 
 
 @kernel
 def support_of(x, t, work):  # type: ignore[no-untyped-def]
-    """Rows that speak for the lane x; less at odd widths."""
+    """Number of rows that support the lane x, reduced at unusual widths."""
     left, _ = tally(work, LEFT)
     right, _ = tally(work, RIGHT)
     return int(_both(left, right) * min(1.0, width_odds(x[WIDTH], t) / t.usual_width))
@@ -86,13 +86,13 @@ def support_of(x, t, work):  # type: ignore[no-untyped-def]
 
 @kernel
 def most_support(work):  # type: ignore[no-untyped-def]
-    """What support_of can be at most after a fit to the ridges gathered."""
+    """Upper bound of support_of after a fit to the gathered ridges."""
     return _both(_rows_of_paint(LEFT, work), _rows_of_paint(RIGHT, work))
 
 
 @kernel
 def _rows_of_paint(side, work):  # type: ignore[no-untyped-def]
-    """Rows where a fit may find a border: those whose ridges together are likelier paint than not."""
+    """Rows where a fit may find a border: those whose ridges together are more likely paint than not."""
     count = 0
     for r in range(work.expected.shape[1]):
         odds = 0.0
@@ -104,7 +104,7 @@ def _rows_of_paint(side, work):  # type: ignore[no-untyped-def]
 
 @kernel
 def share_of_paint(side, work):  # type: ignore[no-untyped-def]
-    """Share of the rows in which there is paint near a line; -1 where too few of them are in the image."""
+    """Share of the rows with paint near a line; -1 where too few rows of it are in view."""
     found, expected = 0, 0
     for r in range(work.expected.shape[1]):
         if work.expected[side, r]:

@@ -1,13 +1,13 @@
 """The published lane search, `paper` mode (Zhang et al. 2011, section 1.2.2, tables 3, 4).
 
 Each border x = a·y² + b·y + c is found anew in every frame by a genetic algorithm on the objective function:
-binary chromosomes, roulette selection, the best individual kept, three-point crossover with the next
-individual, mutation of one bit. Regions of interest narrow in three stages: the first frame, five frames of
-transition, and from then on.
+binary chromosomes, roulette selection, elitism, three-point crossover with the next individual, mutation of
+one bit. Regions of interest narrow in three stages: the first frame, five frames of transition, and all
+later frames.
 
-The source says nothing about losing a border. `Restart` is our addition and can be switched off: a border
-that fails for some frames starts again at the first stage; and as the regions follow a border across the
-whole image, a vehicle that changes lane takes over the neighbouring lane's borders.
+The source does not say what happens when a border is lost. `Restart` is our addition and can be switched off:
+a border that fails for some frames starts again at the first stage. Since the regions would follow a border
+across the whole image, the search moves on to the neighbouring lane's borders when the vehicle changes lanes.
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ from sumo_net.settings import settings
 Array = np.ndarray[Any, Any]
 Interval = tuple[float, float]
 
-DECIMALS = (4, 2, 0)  # of a, b and c that eq. 4 asks for
+DECIMALS = (4, 2, 0)  # m of eq. 4 for a, b and c
 MOST_BITS = 62
 
 
@@ -60,8 +60,8 @@ class Reach:
 class Restart:
     """When the search restarts; not in the source.
 
-    A border fails in a frame if its objective is below `least_score`, or if the borders are not
-    `least_width_px` to `greatest_width_px` apart at the bottom of the image or cross above it.
+    A border fails in a frame if its objective is below `least_score`, if the borders are not `least_width_px`
+    to `greatest_width_px` apart at the bottom of the image, or if they cross in the processed rows.
     """
 
     enabled: bool = True
@@ -119,15 +119,15 @@ class GeneticSearch:
                 bits_needed(high - low, m) for (low, high), m in zip(_pairs(side), DECIMALS, strict=True)
             ]
             if not 4 <= sum(lengths) <= MOST_BITS:
-                raise ValueError(f"the first region needs {sum(lengths)} bits: 4 to {MOST_BITS} are possible")
+                raise ValueError(f"the first region needs {sum(lengths)} bits: allowed are 4 to {MOST_BITS}")
         return self
 
 
 def fitted_to(search: GeneticSearch, camera: Camera) -> GeneticSearch:
-    """The search for another camera: blocks up to its horizon at most, restart's lengths in its pixels.
+    """The search adapted to a camera: at most as many blocks as below its horizon, `restart` in its pixels.
 
-    Lengths in pixels are read as meant for the default camera, for which nothing changes. The published
-    regions of interest stay. Raises ValueError for a camera that sees too little road.
+    Lengths in pixels are taken as those of the default camera, for which nothing changes. The published
+    regions of interest are kept. Raises ValueError for a camera that sees too little road.
     """
     numbers = projection(camera)
     forward, _ = vehicle_from_image(camera.center_x_px, 0.0, numbers)
@@ -150,13 +150,13 @@ def fitted_to(search: GeneticSearch, camera: Camera) -> GeneticSearch:
 
 
 def _px_per_m(camera: Camera) -> float:
-    """Of a length across the road, in the bottom row."""
+    """Pixels per metre across the road in the bottom row."""
     slope = camera.focal_px * math.sin(camera.pitch_rad) + camera.center_y_px * math.cos(camera.pitch_rad)
     return slope / camera.height_m
 
 
 class SearchNumbers(NamedTuple):
-    """The search as kernels take it."""
+    """The search's parameters as kernels take them."""
 
     population: int
     crossover_rate: float
@@ -181,15 +181,15 @@ class SearchNumbers(NamedTuple):
 
 
 class SearchState(NamedTuple):
-    """What n vehicles carry from frame to frame."""
+    """Search state of n vehicles."""
 
     key: Array  # (n,) uint64 of the random stream
-    frame: Array  # (n,) int64 frames searched: the random stream's position
+    frame: Array  # (n,) int64 frames searched: position in the random stream
     age: Array  # (n, 2) int32 frames since the (re)start of the left and the right border
     failing: Array  # (n, 2) int32 frames in a row in which the border failed
     border: Array  # (n, 2, 3) last result, left and right; NaN before the first
     score: Array  # (n, 2) its objective F
-    shifted: Array  # (n,) int8: +1 the last search took over the lane on the left, -1 on the right
+    shifted: Array  # (n,) int8: +1 the last search moved to the lane on the left, -1 on the right
 
 
 def bits_needed(width: float, decimals: int) -> int:
@@ -202,7 +202,7 @@ def _pairs(region: Region) -> tuple[Interval, Interval, Interval]:
 
 
 def search_numbers(search: GeneticSearch) -> SearchNumbers:
-    """The kernel's view of the search."""
+    """Kernel parameters of the search."""
     first = np.array([_pairs(search.first_left), _pairs(search.first_right)])
     reach = np.array([[r.a, r.b, r.c] for r in (search.transition, search.tracking)])
     widths = np.stack([first[:, :, 1] - first[:, :, 0], *(np.tile(2 * r, (2, 1)) for r in reach)], axis=1)
@@ -247,12 +247,12 @@ def init(keys: Array) -> SearchState:
 def search(frames: Array, state: SearchState, numbers: SearchNumbers) -> tuple[SearchState, Borders]:
     """Both borders in one frame of each of n vehicles.
 
-    frames (n, 240, 320) uint8; numbers from `search_numbers`. Raises ValueError where frames and state do not
-    fit together.
+    frames (n, 240, 320) uint8; numbers from `search_numbers`. Raises ValueError for frames of another shape
+    or type, or another number than the state has.
     """
     check_frames(frames)
     if len(frames) != len(state.key):
-        raise ValueError(f"{len(frames)} frames for the state of {len(state.key)} vehicles")
+        raise ValueError(f"frames: {len(frames)}: must be {len(state.key)}, one per vehicle of the state")
     after = SearchState(*(np.empty_like(part) for part in state))
     search_kernel(np.ascontiguousarray(frames), state, numbers, after)
     left, right = (np.ascontiguousarray(after.border[:, side]) for side in range(2))

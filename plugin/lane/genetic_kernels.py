@@ -66,7 +66,7 @@ def _below(word, shift, bound):  # type: ignore[no-untyped-def]
 
 @kernel
 def crossover_points(word, length):  # type: ignore[no-untyped-def]
-    """Three different cuts 1 ≤ p1 < p2 < p3 < length, every triple alike likely, from a random word."""
+    """Three different cuts 1 ≤ p1 < p2 < p3 < length from a random word, all triples equally likely."""
     p1 = 1 + _below(word, 0, length - 1)
     p2 = 1 + _below(word, 20, length - 2)
     p3 = 1 + _below(word, 40, length - 3)
@@ -82,10 +82,10 @@ def crossover_points(word, length):  # type: ignore[no-untyped-def]
 
 @kernel
 def roulette_weights(fitness, weights):  # type: ignore[no-untyped-def]
-    """Weights of eq. 7, scaled to a greatest of 2**32.
+    """Weights of eq. 7, scaled so that the greatest is 2**32.
 
     A weight is the fitness itself; if any is negative, all are shifted by the lowest. A candidate without
-    blocks has none. Should all be 0, all weigh alike.
+    blocks has weight 0. If all would be 0, all are equal.
     """
     lowest, highest = 0.0, -np.inf
     for i in range(fitness.shape[0]):
@@ -105,8 +105,8 @@ def roulette_weights(fitness, weights):  # type: ignore[no-untyped-def]
 def spin(weights, key, counter):  # type: ignore[no-untyped-def]
     """(index chosen with the probability of eq. 7, next counter).
 
-    Places are drawn evenly and kept with the probability weight / greatest weight, which gives the roulette
-    wheel's probabilities without adding up the weights.
+    Indices are drawn uniformly and accepted with probability weight / greatest weight, which gives the
+    roulette wheel's probabilities without summing the weights.
     """
     size = np.uint64(weights.shape[0])
     while True:
@@ -121,8 +121,8 @@ def spin(weights, key, counter):  # type: ignore[no-untyped-def]
 def evolve(maps, roads, sign, low, high, widths, generations, key, counter, numbers, best, history):  # type: ignore[no-untyped-def]
     """One border's search. Writes (a, b, c) to best[0:3], the best F per generation to `history`; returns F.
 
-    maps (3, 50, 320) block values per slope class and roads (3,) what they hold of the road's grey; sign +1
-    left, -1 right; low, high (3,) the region; key, counter: where the random draws start; history may be
+    maps (3, 50, 320): block values per slope class; roads (3,): the road's grey times α of each class; sign:
+    +1 left, -1 right; low, high (3,): the region; key, counter: start of the random draws; history may be
     empty.
     """
     size = numbers.population
@@ -136,12 +136,12 @@ def evolve(maps, roads, sign, low, high, widths, generations, key, counter, numb
     draw = np.uint64(counter)
     for i in range(size):
         population[i] = bits(key, draw + np.uint64(i)) >> np.uint64(64 - length)
-        children[i] = ~population[i]  # so that the first generation is evaluated whole
+        children[i] = ~population[i]  # so that all of the first generation is evaluated
         inherited[i] = 0.0
     draw += np.uint64(size)
     elite = 0
     for generation in range(generations + 1):
-        # fitness, eq. 6; a child that came out as its parent keeps the parent's
+        # fitness, eq. 6; a child equal to its parent keeps the parent's
         for i in range(size):
             if population[i] == children[i]:
                 fitness[i] = inherited[i]
@@ -159,7 +159,7 @@ def evolve(maps, roads, sign, low, high, widths, generations, key, counter, numb
             history[generation] = fitness[elite]
         if generation == generations:
             break
-        # selection, eq. 7; place 0 keeps the best individual out of the operators' reach
+        # selection, eq. 7; index 0 keeps the best individual, untouched by the operators
         roulette_weights(fitness, weights)
         children[0] = population[elite]
         inherited[0] = fitness[elite]
@@ -167,7 +167,7 @@ def evolve(maps, roads, sign, low, high, widths, generations, key, counter, numb
             chosen, draw = spin(weights, key, draw)
             children[i] = population[chosen]
             inherited[i] = fitness[chosen]
-        for i in range(size):  # a slice would bring in numba's error message, two seconds to compile
+        for i in range(size):  # assigning a slice would take two seconds more to compile
             population[i] = children[i]
         # crossover of an individual with the next one
         for i in range(1, size - 1):
@@ -236,10 +236,10 @@ def search_border(frame, side, stage, last, grey, key, counter, numbers, maps, b
 
 @kernel
 def search_kernel(frames, state, numbers, after):  # type: ignore[no-untyped-def]
-    """One frame of every vehicle: restart where due, search, note what failed.
+    """One frame of every vehicle: restart where due, search, count failures.
 
-    `state` and `after` are SearchStates; `after` is filled. A lane of width w in the image (in a, b and c
-    alike) has its left neighbour's left border at left - w, as both scale with the height of the camera only.
+    `state` and `after` are SearchStates; `after` is filled. If the borders of a lane differ by w in (a, b,
+    c), the left neighbour's left border is at left - w, as both scale with the height of the camera only.
     """
     maps = np.zeros((3, BLOCKS, frames.shape[2]), np.int32)
     history = np.empty(0)
@@ -286,7 +286,7 @@ def search_kernel(frames, state, numbers, after):  # type: ignore[no-untyped-def
 
 @kernel
 def _lane_shift(age, border, numbers):  # type: ignore[no-untyped-def]
-    """+1 if the last result's left border has come right of the image's centre, -1 for the right border."""
+    """+1 if the last result's left border is right of the image's centre, -1 if its right border is left."""
     if not numbers.restarts or age[0] == 0 or age[1] == 0 or not _plausible(border, numbers):
         return 0
     if border[0, 2] > numbers.center + numbers.crossed_by:
@@ -307,7 +307,7 @@ def _plausible(border, numbers):  # type: ignore[no-untyped-def]
 
 @kernel
 def _note_failure(border, score, failing, age, numbers):  # type: ignore[no-untyped-def]
-    """Count frames in which a border failed, and send it back to the first stage after `patience` of them."""
+    """Count frames in which a border failed; after `patience` of them, return it to the first stage."""
     plausible = _plausible(border, numbers)
     for side in range(2):
         if plausible and score[side] >= numbers.least_score:

@@ -1,8 +1,9 @@
-"""Borders in the image <-> the road in the ground plane.
+"""Conversion between borders in the image and the road in the ground plane.
 
-The road model is left = X₀ + e·X + K·X²/2 in the vehicle frame (X forward from the centre of gravity), both
-borders sharing the heading e and the curvature K. The default camera sees it at x = 160 - X₀·u/h - e·f -
-K·h·f²/(2u), u = 157 - y (X₀, e and K left positive; small angles): a parabola in x only as far as K is 0.
+The road model is left = X₀ + e·X + K·X²/2 in the vehicle frame (X forward from the centre of gravity), with
+the same heading e and curvature K for both borders. In the default camera's image it is
+x = 160 - X₀·u/h - e·f - K·h·f²/(2u), u = 157 - y (X₀, e, K left positive; small angles): a parabola only
+for K = 0.
 """
 
 import math
@@ -52,7 +53,7 @@ class Plausibility:
 
 
 class PlausibilityNumbers(NamedTuple):
-    """Plausibility as kernels take it."""
+    """The parameters of Plausibility, as kernels take them."""
 
     farthest: float
     least_score: float
@@ -65,7 +66,7 @@ class PlausibilityNumbers(NamedTuple):
 
 
 def plausibility_numbers(plausibility: Plausibility) -> PlausibilityNumbers:
-    """The kernel's view of the plausibility settings."""
+    """Kernel parameters of the plausibility settings."""
     p = plausibility
     return PlausibilityNumbers(
         p.farthest_m,
@@ -84,10 +85,10 @@ def lane_estimate_from_borders(
 ) -> LaneEstimate:
     """The lane of n vehicles from their borders in the image (`paper` mode).
 
-    Border points are carried to the road by the camera's exact geometry and fitted by the road model.
-    `shifted` (n,) int8 is the search state's. A lane is locked if both borders are seen, its width, heading
-    and curvature are plausible; else its numbers are NaN. Raises ValueError for a camera without a preview
-    point.
+    Border points are projected to the road by the camera's exact geometry and fitted by the road model.
+    `shifted` (n,) int8 is the search state's. A lane is locked if both borders are seen and its width,
+    heading and curvature are plausible; otherwise its values are NaN. Raises ValueError for a camera without
+    a preview point.
     """
     n = len(borders.score)
     out = LaneEstimate(
@@ -122,8 +123,8 @@ def lane_estimate_from_borders(
 def marking_centres(borders: Borders, camera: Camera, plausibility: Plausibility | None = None) -> Borders:
     """The borders moved from the inner edges of the markings, where the search finds them, to their centres.
 
-    A road point `inset` farther out has moved by inset·focal/depth in x, and 1/depth is linear in y: so b and
-    c change, a does not. (The camera's yaw, a few degrees, is neglected.)
+    A road point `inset` farther out is displaced by inset·focal/depth in x, and 1/depth is linear in y: so b
+    and c change, a does not. (The camera's yaw, a few degrees, is neglected.)
     """
     inset = (plausibility or Plausibility()).inset_m
     cos, sin = math.cos(camera.pitch_rad), math.sin(camera.pitch_rad)
@@ -141,10 +142,10 @@ def parabolas_from_road(
     farthest_m: Array,
     camera: Camera,
 ) -> Array:
-    """(n, 3) a, b, c of the parabola nearest to what the camera sees of a border in the ground plane.
+    """(n, 3) a, b, c of the parabola that best fits the image of a border in the ground plane.
 
-    The border is left = offset + slope·X + curvature·X²/2 + rate·X³/6 from the centre of gravity, seen as far
-    as farthest_m; all (n,). NaN where fewer than three processed rows see it.
+    The border is left = offset + slope·X + curvature·X²/2 + rate·X³/6 from the centre of gravity, up to
+    farthest_m; all (n,). NaN where it is in fewer than three processed rows.
     """
     borders = np.empty((len(offset_m), 3))
     parabolas_kernel(

@@ -41,9 +41,9 @@ def road_of_borders(left, right, camera, farthest, columns, spacing, A, road):  
     """Fit both borders at once by left = X₀ + e·X + K·X²/2; road = (X₀ left, X₀ right, e, K).
 
     left, right (3,) a, b, c. Every third of the processed rows gives a point where the border is inside the
-    image and not farther than `farthest`; its weight is that of one pixel of error, (focal/depth)². A (4, 4)
-    is scratch. Lengths are scaled by `spacing` within, which keeps the equations well conditioned. Returns
-    False where a border is not seen.
+    image and not farther than `farthest`, weighted by (focal/depth)² up to a factor, for equal errors in
+    pixels. A (4, 4) is scratch. Lengths are scaled by `spacing`, which keeps the equations well conditioned.
+    Returns False where a border is not seen.
     """
     A[:] = 0.0
     road[:] = 0.0
@@ -78,7 +78,7 @@ def road_of_borders(left, right, camera, farthest, columns, spacing, A, road):  
 
 @kernel
 def lane_estimate_kernel(left, right, score, camera, preview, columns, n, out):  # type: ignore[no-untyped-def]
-    """Fill the LaneEstimate `out` from borders (see lane_estimate_from_borders); n are its numbers."""
+    """Fill the LaneEstimate `out` from borders, see lane_estimate_from_borders; n: PlausibilityNumbers."""
     A = np.empty((4, 4))
     road = np.empty(4)
     for v in range(left.shape[0]):
@@ -141,7 +141,7 @@ def parabola_of_road(offset, slope, curvature, rate, camera, farthest, columns, 
         x, y, depth = image_from_vehicle(ahead, aside, 0.0, camera)
         if not (depth > 0.0 and 0.0 <= x <= columns - 1.0):
             continue
-        height = y / 100.0  # scaled: y⁴ next to 1 is badly conditioned
+        height = y / 100.0  # scaled: y⁴ beside 1 is ill-conditioned
         row[0], row[1], row[2] = height * height, height, 1.0
         for j in range(3):
             border[j] += row[j] * x

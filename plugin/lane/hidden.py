@@ -1,8 +1,8 @@
-"""What vehicles ahead hide of the road, as the radar's tracks have them: no paint is to be found there.
+"""Parts of the road that vehicles ahead hide, from the radar's tracks: they are not searched for paint.
 
-A body's edges, lamps and tyres are as bright, narrow and slanted as paint. The camera alone tells only a body
-in the own lane (`plugin.lane.body`); for the others the tracks of the step before say where the nearest point
-of each is, and the dark strip under it in the image how wide it stands there.
+A body's edges, lamps and tyres are as bright, narrow and slanted as paint. The camera alone detects only a
+body in the own lane (`plugin.lane.body`). For the others, the tracks of the previous step give the nearest
+point of each, and the dark strip under it in the image its width.
 """
 
 import math
@@ -20,34 +20,34 @@ NEAREST_M, FURTHEST_M, ASIDE_M = 5.0, 100.0, 9.0
 BODY_WIDTH_M, BODY_LENGTH_M = 2.3, 4.5
 MARGIN_M, MARGIN_PX = 0.1, 2.0
 FOOT, FIRST, LAST, POINT, SCALE, FAR, COLUMNS = range(7)  # of a body's row in `hidden`
-STRIP_M, STRIP_DARK = 0.35, 0.65  # height of the strip, and its grey over the road's at most
-STRIP_FROM_M, STRIP_NARROW_M, STRIP_WIDE_M = 0.8, 1.0, 3.4  # how far from the point it begins; its width
-ROAD_NEARER_M = 3.0  # so much nearer the road's grey is read
+STRIP_M, STRIP_DARK = 0.35, 0.65  # height of the dark strip, and its largest grey over the road's
+STRIP_FROM_M, STRIP_NARROW_M, STRIP_WIDE_M = 0.8, 1.0, 3.4  # largest distance from the point; its width
+ROAD_NEARER_M = 3.0  # the road's grey is read this much nearer than the body
 STRAIGHT_AHEAD_M, WELL_ASIDE_M = 0.4, 2.2
 
 
 class Bodies(NamedTuple):
-    """B vehicles ahead of the fleet's, (B,) each, sorted by owner: the nearest point of each."""
+    """Nearest points of B bodies ahead of the fleet's vehicles, (B,) each."""
 
-    owner: Array  # int64, row of the vehicle
-    x_m: Array  # from the centre of gravity
+    owner: Array  # int64, row of the fleet's vehicle
+    x_m: Array  # nearest point, from the owner's centre of gravity
     y_m: Array
-    course_rad: Array  # direction of the body's axis from the own one, left positive
+    course_rad: Array  # direction of the body's axis relative to the owner's, left positive
     course_std_rad: Array
 
 
 def nothing_hidden(n: int) -> Array:
-    """(n, BODIES, COLUMNS) of n vehicles with a free view."""
+    """(n, BODIES, COLUMNS) of n vehicles without bodies ahead."""
     out = np.zeros((n, BODIES, COLUMNS))
     out[:, :, FOOT] = np.inf
     return out
 
 
 def hidden_by(bodies: Bodies, n: int, projection: Projection, radar_forward_m: float) -> Array:
-    """(n, BODIES, COLUMNS): from which row on (y up) and from which to which column each body hides the road.
+    """(n, BODIES, COLUMNS): first row (y up), first and last column in which each body hides the road.
 
-    Also the nearest point's column, pixels per metre there, and its distance over that of the body's front.
-    The points are the nearest to a radar `radar_forward_m` ahead of the centre of gravity.
+    Also the nearest point's column, pixels per metre there, and its distance over that of the body's far end.
+    The points are those nearest to a radar `radar_forward_m` ahead of the centre of gravity.
     """
     out = nothing_hidden(n)
     order = np.lexsort((bodies.x_m, bodies.owner))
@@ -71,7 +71,7 @@ def _mask(bodies, p, radar_forward_m, out):  # type: ignore[no-untyped-def]
         out[i, used, POINT], out[i, used, SCALE] = column, p.focal / depth
         out[i, used, FAR] = x / (x + BODY_LENGTH_M)
         left, right = _extent(x - radar_forward_m, y, bodies.course_rad[b], bodies.course_std_rad[b])
-        drift = BODY_LENGTH_M * math.sin(bodies.course_rad[b])  # of its front to the side
+        drift = BODY_LENGTH_M * math.sin(bodies.course_rad[b])  # lateral position of its far end
         first, last = math.inf, -math.inf
         for end in range(2):
             for side in range(2):
@@ -85,13 +85,13 @@ def _mask(bodies, p, radar_forward_m, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _extent(x, y, course, course_std):  # type: ignore[no-untyped-def]
-    """(left, right) how far a body extends to either side of its point (x, y) nearest to the radar, in m.
+    """(left, right): how far a body extends to either side of its point (x, y) nearest to the radar, in m.
 
-    A body whose own axis passes the radar by is nearest with its inner corner, and one that heads straight
-    away from it somewhere on its rear. Of one between, whose course is not known well enough, it is either
+    If the body's axis passes beside the radar, the point is its inner corner; if the body heads straight
+    away, the point may be anywhere on its rear. Between, or if the course is too uncertain, it may be either
     corner.
     """
-    beside = y * math.cos(course) - x * math.sin(course)  # of the radar's own line along the course
+    beside = y * math.cos(course) - x * math.sin(course)  # lateral distance from the radar across the course
     sure = min(STRAIGHT_AHEAD_M + abs(x) * course_std, WELL_ASIDE_M)
     if abs(beside) < STRAIGHT_AHEAD_M:
         return 0.5 * BODY_WIDTH_M, 0.5 * BODY_WIDTH_M
@@ -104,7 +104,7 @@ def _extent(x, y, course, course_std):  # type: ignore[no-untyped-def]
 
 @kernel
 def outline(frame, hidden, p):  # type: ignore[no-untyped-def]
-    """Narrow each body of one vehicle's `hidden` (BODIES, COLUMNS) to what the frame shows, where it does."""
+    """Narrow each body of one vehicle's `hidden` (BODIES, COLUMNS) to its outline in the frame, if found."""
     height, width = frame.shape
     vanishing_x = p.center_x + p.focal * p.sin_yaw / p.cos_yaw
     vanishing_y = p.center_y + p.focal_y * p.sin_pitch / p.cos_pitch
@@ -122,18 +122,18 @@ def outline(frame, hidden, p):  # type: ignore[no-untyped-def]
                 road += frame[below, c]
             dark = STRIP_DARK * road / (high - low + 1)
             widest, first, last = 0, 0, -1
-            # the foot is known to a pixel or two only
+            # the foot is uncertain by a pixel or two
             for up in range(round(foot) - 1, round(foot + STRIP_M * scale) + 2):
                 row = height - 1 - up
                 if 0 <= row < height:
                     one, other = _strip(frame, row, point, STRIP_FROM_M * scale, dark)
-                    cut = one <= 1 or other >= width - 2  # goes on beside the image
+                    cut = one <= 1 or other >= width - 2  # extends beyond the image
                     wide = (other - one + 1) / scale
                     fits = STRIP_NARROW_M <= wide <= STRIP_WIDE_M or (cut and other > one + 1)
                     if fits and other - one > widest:
                         widest, first, last = other - one, one, other
             if widest > 0:
-                # and the side of the body, up to its front
+                # including the side of the body, up to its far end
                 hidden[b, FIRST] = min(first, vanishing_x + (first - vanishing_x) * hidden[b, FAR])
                 hidden[b, LAST] = max(last, vanishing_x + (last - vanishing_x) * hidden[b, FAR])
                 if first <= 1:
@@ -168,7 +168,7 @@ def _strip(frame, row, point, reach, dark):  # type: ignore[no-untyped-def]
 
 @kernel
 def without_hidden(ridge, count, y, hidden):  # type: ignore[no-untyped-def]
-    """Drop the ridges (count, 2) of row y whose column a body hides; how many are left."""
+    """Drop the ridges (count, 2) of row y whose column a body hides; returns the number left."""
     kept = 0
     for c in range(count):
         if not is_hidden(ridge[c, 0], y, hidden):

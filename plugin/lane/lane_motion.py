@@ -1,4 +1,4 @@
-"""How the road model's state moves on: over a step, and over to a neighbouring lane."""
+"""Prediction of the road model's state over a step, and its change to a neighbouring lane."""
 
 import math
 
@@ -21,10 +21,10 @@ from sumo_net.compile import kernel
 
 @kernel
 def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
-    """Move state and covariance on by one step in which the vehicle drove `advance` metres; returns phase.
+    """Predict state and covariance over a step in which the vehicle drove `advance` metres; returns phase.
 
-    The centre of gravity moves along the heading and, by v_y = γ (l_r - c v²), aside: the sideslip of a
-    steady turn (single-track model), without which the heading would be off by it in every bend.
+    The centre of gravity moves along the heading and sideways with v_y = γ (l_r - c v²), the sideslip of a
+    steady turn (single-track model). Without it, the heading would be wrong by the slip in every bend.
     """
     T = t.step_s
     keep = math.exp(-T / t.turn_time_s)
@@ -36,7 +36,7 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
     x[TURN] *= keep
     x[PITCH] *= t.pitch_keep
     for j in range(NEXT_LEFT, NEXT_RIGHT + 1):
-        # neighbouring lanes are as wide as this one, more or less
+        # neighbouring lanes are about as wide as this one
         x[j] = x[WIDTH] + t.next_keep * (x[j] - x[WIDTH])
         for k in range(STATES):
             P[j, k] *= t.next_keep
@@ -69,7 +69,7 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
-    """The first knot fell behind: renumber, and append one."""
+    """Drop the first knot, which has fallen behind, renumber, and append one."""
     last = KNOT + KNOTS - 1
     for j in range(KNOT, last):
         x[j] = x[j + 1]
@@ -84,15 +84,15 @@ def _drop_knot(x, P, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def continued(x, j, t):  # type: ignore[no-untyped-def]
-    """Curvature at knot state j as those before have it: a clothoid goes on as a clothoid, and every road
-    becomes straight again.
+    """Curvature at knot state j continued from the two before: part of the last change goes on, as in a
+    clothoid, and the curvature decays, since every road becomes straight again.
     """
     return (t.bend_keep + t.bend_slope) * x[j - 1] - t.bend_slope * x[j - 2]
 
 
 @kernel
 def extend(x, P, j, t):  # type: ignore[no-untyped-def]
-    """Let the knot state j be what those before have it be, ± bend_std."""
+    """Set the knot state j to the continuation of those before, ± bend_std."""
     g1, g2 = t.bend_keep + t.bend_slope, -t.bend_slope
     x[j] = continued(x, j, t)
     for k in range(STATES):
@@ -104,10 +104,10 @@ def extend(x, P, j, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def shift_lane(x, P, side, t):  # type: ignore[no-untyped-def]
-    """Go over to the neighbouring lane: +1 left, -1 right. All lines stay where they are.
+    """Change the state to the neighbouring lane: +1 left, -1 right. All lines stay where they are.
 
-    offset -= side (WIDTH + NEXT) / 2, the neighbour's width becomes the lane's, the lane's that of the
-    neighbour on the other side; of the new neighbour nothing is known.
+    offset -= side (WIDTH + NEXT) / 2; the neighbour's width becomes the lane's, and the lane's that of the
+    neighbour on the other side. The new neighbour is unknown.
     """
     near, other = (NEXT_LEFT, NEXT_RIGHT) if side > 0 else (NEXT_RIGHT, NEXT_LEFT)
     half = 0.5 * side

@@ -1,4 +1,4 @@
-"""Finding the lane from nothing, in one frame."""
+"""Finding the lane without prior knowledge, in one frame."""
 
 from typing import Any, NamedTuple
 
@@ -37,7 +37,7 @@ Array = np.ndarray[Any, Any]
 
 
 class Room(NamedTuple):
-    """Work space of a start."""
+    """Work space of a start, without meaning between calls."""
 
     point: Array
     ridge: Array
@@ -59,7 +59,7 @@ class Room(NamedTuple):
 
 
 def room_for(rows: int) -> Room:
-    """Room for `rows` image rows."""
+    """Work space for `rows` image rows."""
     return Room(
         np.zeros((rows * SEGMENTS * PER_SEGMENT, 2)),
         np.zeros((PER_SEGMENT, 2)),
@@ -83,8 +83,8 @@ def room_for(rows: int) -> Room:
 
 @kernel
 def lean_to_lane(predicted, about, speed, yaw_rate, t, work, scratch):  # type: ignore[no-untyped-def]
-    """Add to the prior that a car mostly drives along its lane, heading `about` ± start_heading_std, and what
-    its own yaw rate tells.
+    """Add to the prior a heading of `about` ± start_heading_std, since cars mostly drive along their lanes,
+    and the vehicle's own yaw rate. False where the prior is not positive definite.
     """
     for i in range(STATES):
         scratch[i] = 0.0
@@ -103,13 +103,13 @@ def lean_to_lane(predicted, about, speed, yaw_rate, t, work, scratch):  # type: 
 
 @kernel
 def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, followed, t, work, room, x, P):  # type: ignore[no-untyped-def]
-    """Find the lane from nothing into x, P. Returns the number of rows that support it, 0 for no lane.
+    """Find the lane without prior knowledge into x, P. Returns the rows that support it, 0 for no lane.
 
-    least: the rows that a lane must have more of to be of interest; others are taken for none.
-    followed (STATES,): a lane that is sure, or NaN; where the best vote leads to it, no other is sought.
+    least: lanes with no more supporting rows than this count as none.
+    followed (STATES,): a confirmed lane, or NaN; where the best vote leads to it, no other is tried.
 
-    left, right: the search's a, b, c of this vehicle where `given`. about: the heading to be expected, rad.
-    yaw_rate: the vehicle's own, NaN for none; the more a lane turns against it, the fewer its rows count.
+    left, right: the search's a, b, c of this vehicle where `given`. about: the expected heading, rad.
+    yaw_rate: the vehicle's own, NaN for none; the more a lane contradicts it, the fewer its rows count.
     """
     best = least
     trial, predicted = room.trial, room.predicted
@@ -152,7 +152,7 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, fol
             continue
         if attempt == 0 and close(trial, followed, t):
             room.score[1:] = 0.0
-        # again around the first result, with what it left open
+        # a second fit around the first result, with its covariance
         if not invert(work.information, work.factor, room.covariance):
             continue
         predict_spread(trial, room.covariance, 0.0, rows, p, t, work)
@@ -168,7 +168,7 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, fol
         if not plausible(trial, speed, t) or abs(trial[OFFSET]) > 0.5 * trial[WIDTH] + 0.3:
             continue
         support = int(support_of(trial, t, work) * trust(trial, 0.0, speed, yaw_rate, t.usual_turn))
-        if not of_usual_width(trial, t):  # two lanes, taken for one?
+        if not of_usual_width(trial, t):  # it may be two lanes
             support -= int(t.line_within * line_within(trial, room.point, found, room.bins))
         if support > best and invert(work.information, work.factor, room.covariance):
             best = support

@@ -1,13 +1,13 @@
 """The published objective function of a lane border (Zhang et al. 2011, eqs. 2, 3, tables 1, 2).
 
 Fifty blocks of 3×3 pixels lie along a candidate x = a·y² + b·y + c, one every three rows of the bottom 150.
-F is the mean over those inside the image of α·ΔM + β·T: brightness over the road, and the step of brightness
-across the border. T₁ is the step along the left border's diagonal, T₂ its mirror image for the right border,
-T₃ vertical, T₄ horizontal. The third row label of table 2 prints β₂ where β₃ is meant.
+F is the mean over those inside the image of α·ΔM + β·T: brightness relative to the road, and the step of
+brightness across the border. T₁ is the step along the left border's diagonal, T₂ its mirror image for the
+right border, T₃ vertical, T₄ horizontal. The third row label of table 2 prints β₂ where β₃ is meant.
 
-Figure 2 of the source, which parts a block for T₁ to T₄, is not legible. Our reading: each T is the mean of
-three pixels minus the mean of the three opposite ones, the pixels between (a diagonal, the middle row, the
-middle column) left out; so F is greatest on the *inner* edge of a marking, half bright, half road.
+Figure 2 of the source, which divides a block for T₁ to T₄, is not legible. Our reading: each T is the mean of
+three pixels minus the mean of the three opposite ones, without the pixels between (a diagonal, the middle
+row, the middle column); so F is greatest on the *inner* edge of a marking, half bright, half road.
 """
 
 from typing import Any, NamedTuple, Self
@@ -71,7 +71,7 @@ class Objective:
 
 
 class ObjectiveNumbers(NamedTuple):
-    """The objective function as kernels take it."""
+    """The objective function's parameters as kernels take them."""
 
     stencils: Array  # (2, 3, 3, 3) int32: border (left, right), slope class, row from the top, column
     alpha: Array  # (3,) per slope class
@@ -93,20 +93,20 @@ def stencils() -> Array:
 
 
 def blocks_below_horizon(camera: Camera) -> int:
-    """How many of the 50 blocks lie on the road for this camera: `Objective.blocks`, 50 by default.
+    """How many of the 50 blocks are below this camera's horizon, for `Objective.blocks`.
 
-    Raises ValueError for a camera that sees fewer than 10.
+    Raises ValueError where fewer than 10 are.
     """
     blocks = min(BLOCKS, int((camera.horizon_y_px - 2.0) // BLOCK_PX))
     if blocks < 10:
         raise ValueError(
-            f"the horizon at y = {camera.horizon_y_px:.0f} leaves {blocks} blocks: 10 are needed"
+            f"the horizon at y = {camera.horizon_y_px:.0f} leaves {blocks} blocks: at least 10 are needed"
         )
     return blocks
 
 
 def objective_numbers(objective: Objective) -> ObjectiveNumbers:
-    """The kernel's view of the objective function."""
+    """Kernel parameters of the objective function."""
     region = (objective.road_left_px, objective.road_right_px, objective.road_rows)
     return ObjectiveNumbers(stencils(), np.array(ALPHA), region, objective.blocks, objective.minimum_blocks)
 

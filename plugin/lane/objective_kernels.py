@@ -12,10 +12,10 @@ import numpy as np
 from sumo_net.compile import kernel
 
 BLOCKS = 50  # along a border, at most
-BLOCK_PX = 3  # and one every three rows: centres at y = 1, 4, ..., 148
+BLOCK_PX = 3  # block size and spacing: centres at y = 1, 4, ..., 148
 FIRST_COLUMN, LAST_COLUMN = 1, 318  # of a block's centre, 0-based; 2 and 319 in the source's 1-based count
 UNIT = 90  # map values are in 1/90 grey level
-NO_SCORE = -1000.0  # of a candidate without a single block; no objective can be as low
+NO_SCORE = -1000.0  # of a candidate without any block; lower than any objective
 
 
 @kernel
@@ -34,7 +34,7 @@ def road_grey(frame, left, right, rows):  # type: ignore[no-untyped-def]
 def slope_class(slope):  # type: ignore[no-untyped-def]
     """Row of tables 1 and 2: 0 for 0.5 ≤ slope ≤ 2, 1 for slope > 2, 2 for slope < 0.5.
 
-    `slope` is b on the left border and -b on the right one, as eqs. 2 and 3 have it.
+    `slope` is b on the left border and -b on the right one, as in eqs. 2 and 3.
     """
     if slope > 2.0:
         return 1
@@ -47,7 +47,7 @@ def slope_class(slope):  # type: ignore[no-untyped-def]
 def reachable_columns(low, high, blocks, first, last):  # type: ignore[no-untyped-def]
     """Columns [first[i], last[i]] where any parabola with low ≤ (a, b, c) ≤ high has its i-th block.
 
-    x grows with each of a, b and c, as y ≥ 0; so two corners of the region bound it.
+    x grows with each of a, b and c, since y ≥ 0: so two corners of the region bound it.
     """
     for i in range(blocks):
         y = 1.0 + BLOCK_PX * i
@@ -63,7 +63,7 @@ def block_map(frame, stencil, blocks, first, last, values):  # type: ignore[no-u
 
     frame (240, 320) uint8, stencil (3, 3) int32 with the upper row first, values (50, 320) int32.
     """
-    # scalars, and slices counted from 0, so that the compiler can work on many columns at once
+    # scalars, and slices indexed from 0, so that the loop is vectorised
     s00, s01, s02 = stencil[0, 0], stencil[0, 1], stencil[0, 2]
     s10, s11, s12 = stencil[1, 0], stencil[1, 1], stencil[1, 2]
     s20, s21, s22 = stencil[2, 0], stencil[2, 1], stencil[2, 2]
@@ -91,7 +91,7 @@ def mean_value(values, a, b, c, road, blocks, minimum_blocks):  # type: ignore[n
     """F of eqs. 2 and 3 for x = a·y² + b·y + c: the mean over its blocks of map value minus `road` (α·grey).
 
     With n < m = minimum_blocks blocks it is min(Σ/n, Σ/m): few blocks cannot win. NO_SCORE without a block.
-    Columns of `values` outside FIRST_COLUMN to LAST_COLUMN must be 0: there go the blocks outside.
+    Columns of `values` outside FIRST_COLUMN to LAST_COLUMN must be 0: they stand for blocks outside.
     """
     c += 0.5
     beside = values.shape[1] - 1.0

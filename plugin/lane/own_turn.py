@@ -1,9 +1,9 @@
-"""What the vehicle's own yaw rate says of a lane: it is speed times curvature under the wheels, plus TURN.
+"""The vehicle's own yaw rate as evidence for a lane: it is speed times curvature under the wheels, plus TURN.
 
-The curvature ahead does not count: a bend may begin there. Each frame's reading is a measurement of that sum.
-A lane that is found anew has to explain it by a road, not by a turn against the lane that few vehicles ever
-make. And where little of a lane is seen, one that misses the reading even after the fit follows wrong lines,
-or a road that they told of before. All of it leaves a lane alone where the yaw rate is NaN.
+The curvature ahead does not enter: a bend may begin there. Each frame's reading is a measurement of that sum.
+A lane found by a new search has to explain it mostly by the road's curvature, since vehicles seldom turn
+strongly against their lane. And where little of a lane is seen, one that misses the reading even after the
+fit follows wrong lines, or did so before. Where the yaw rate is NaN, nothing here has an effect.
 """
 
 import math
@@ -11,7 +11,7 @@ import math
 from plugin.lane.road_model import KNOT, SPACING_M, STATES, TURN, curvature_at
 from sumo_net.compile import kernel
 
-UNDER = 3  # knots that a road under the wheels is opened at
+UNDER = 3  # number of knots at which `open_road` adds variance
 
 
 @kernel
@@ -33,7 +33,7 @@ def measure(x, P, phase, speed, yaw_rate, std, along):  # type: ignore[no-untype
 
 @kernel
 def missed(x, phase, speed, yaw_rate):  # type: ignore[no-untyped-def]
-    """Yaw rate minus what lane and vehicle state x make of it, rad/s."""
+    """Yaw rate minus that of state x, rad/s."""
     return yaw_rate - x[TURN] - speed * curvature_at(x, phase, 0.0)
 
 
@@ -47,7 +47,7 @@ def contradicted(x, phase, speed, yaw_rate, most):  # type: ignore[no-untyped-de
 def expect(prior, pull, speed, yaw_rate, std):  # type: ignore[no-untyped-def]
     """Add a yaw rate ± std to a start's information `prior` (STATES, STATES) and to `pull`, prior times mean.
 
-    Knot 0 of a start is beside the vehicle.
+    At a start, knot 0 is abreast of the vehicle.
     """
     if not math.isfinite(yaw_rate):
         return
@@ -62,7 +62,7 @@ def expect(prior, pull, speed, yaw_rate, std):  # type: ignore[no-untyped-def]
 
 @kernel
 def trust(x, phase, speed, yaw_rate, usual):  # type: ignore[no-untyped-def]
-    """How much a lane's rows count, 0 to 1, by the vehicle's turn against it over the `usual` one, rad/s."""
+    """Weight of a lane's rows, 0 to 1, by the vehicle's turn against the lane over the `usual` one, rad/s."""
     if not math.isfinite(yaw_rate):
         return 1.0
     turn = (yaw_rate - speed * curvature_at(x, phase, 0.0)) / usual
@@ -71,6 +71,6 @@ def trust(x, phase, speed, yaw_rate, usual):  # type: ignore[no-untyped-def]
 
 @kernel
 def open_road(P, std):  # type: ignore[no-untyped-def]
-    """Take the road under the wheels for less known, by `std` in 1/m: the next yaw rates tell it."""
+    """Add variance std² (std in 1/m) to the curvature under the wheels, so that the next yaw rates set it."""
     for j in range(KNOT, KNOT + UNDER):
         P[j, j] += std * std

@@ -1,9 +1,10 @@
 """The default lane tracker, `refined` mode: both borders on the ground-plane road model.
 
-It starts from the published search (`needs_search` says which vehicles want one) and then follows the lane by
+It starts from the published search (`needs_search` tells which vehicles need one) and then tracks the lane by
 itself: the state of `plugin.lane.road_model` is predicted over the step, marking candidates are collected
-around the predicted borders, and a robust information update gives the new state. It drops the lane when it
-is no longer seen or has become impossible, and asks for the search again. `plugin.lane.rival`: other lanes.
+around the predicted borders, and a robust information update gives the new state. A lane that is no longer
+seen or has become implausible is dropped, and the search is requested again. `plugin.lane.rival` decides when
+another lane replaces the tracked one.
 """
 
 import functools
@@ -91,7 +92,7 @@ class Refine:
 
 
 class Tuning(NamedTuple):
-    """Refine as kernels take it, with what is not for users to set."""
+    """The parameters of Refine as kernels take them, with those that are not settings."""
 
     step_s: float
     preview_m: float
@@ -118,15 +119,15 @@ class Tuning(NamedTuple):
     heading_walk: float = 0.0005
     width_walk: float = 0.01
     knot_walk: float = 3e-5  # per root metre driven
-    noise_px: float = 0.7  # of a marking centre; rows err together, so more than one row shows
+    noise_px: float = 0.7  # of a marking centre; rows are correlated, so larger than the scatter of one row
     noise_m: float = 0.02
     association_m: float = 0.03
     association_px: float = 0.7
     iterations: int = 3
-    narrowing: float = 0.3  # of the association from iteration to iteration
-    gate: float = 3.0  # standard deviations of the prediction that are looked through
-    reach_m: float = 0.12  # and this much more
-    reach_px: float = 2.5
+    narrowing: float = 0.3  # factor on the association width from iteration to iteration
+    gate: float = 3.0  # standard deviations of the prediction that are searched,
+    reach_m: float = 0.12  # plus this
+    reach_px: float = 2.5  # and this,
     furthest_aside_m: float = 1.2  # but not as far as the next lane's lines
     unsure_m: float = 0.5  # a standard deviation beyond which a row is not looked at
     bend_slow_mps: float = 14.0  # slower than this, any road is driven at times
@@ -147,23 +148,23 @@ class Tuning(NamedTuple):
     next_keep: float = 0.97
     outside_m: float = 1.2  # how far beyond a border the centre of gravity may be
     start_heading_std: float = 0.02
-    jump_m: float = 0.5
+    jump_m: float = 0.5  # largest correction of the prediction by a frame
     jump_rad: float = 0.03
-    proven_frames: int = 10  # with both borders, from which on a lane is sure
-    rival_m: float = 0.3  # by so much, and `gate` standard deviations, such a look may differ
+    proven_frames: int = 10  # frames with both borders after which a lane counts as proven
+    rival_m: float = 0.3  # scatter of searches; beyond it and `gate` standard deviations they contradict
     rival_rad: float = 0.015
     rival_width_m: float = 0.4
-    rival_looks: int = 5  # in which a lane that differs must be the same to be believed, at most
-    odd_looks: int = 20  # and one of odd width against one of a usual width
+    rival_looks: int = 5  # searches that must confirm a contradicting lane, at most;
+    odd_looks: int = 20  # the same for one of unusual width against one of usual width
     yaw_rate_std: float = 0.003  # of the own yaw rate as a measurement
-    usual_turn: float = 0.02  # rad/s against the lane: the more of it, the less a lane found anew counts
+    usual_turn: float = 0.02  # rad/s, turn against the lane that halves the weight of a lane found anew
     odd_turn: float = 0.0016  # rad/s by which a fitted lane may miss the yaw rate while less of it is seen
-    odd_frames: int = 3  # after which a proven lane that does is no longer proven
-    odd_bend: float = 0.002  # 1/m by which the road is then less known, each frame without any border
+    odd_frames: int = 3  # after which a proven lane that misses it is no longer proven
+    odd_bend: float = 0.002  # 1/m, then added to the road's uncertainty each frame without any border
 
 
 class LaneState(NamedTuple):
-    """What n vehicles carry from frame to frame."""
+    """Tracker state of n vehicles."""
 
     status: Array  # (n,) int8 SEARCHING, TENTATIVE, LOCKED
     x: Array  # (n, STATES) road model
@@ -178,7 +179,7 @@ class LaneState(NamedTuple):
     reach_m: Array  # (n,) how far ahead paint was seen lately
     share: Array  # (n, 2) what that usually is on this road
     proof: Array  # (n,) int32 frames since the start in which both borders were seen
-    rival: Array  # (n, RIVAL) another lane that was found lately, of `plugin.lane.rival`
+    rival: Array  # (n, RIVAL) another lane that was found recently, see `plugin.lane.rival`
 
 
 def init(n: int) -> LaneState:
@@ -202,13 +203,13 @@ def init(n: int) -> LaneState:
 
 
 def needs_search(state: LaneState) -> Array:
-    """(n,) bool: which vehicles want the published search's borders in the next step."""
+    """(n,) bool: which vehicles need the published search's borders in the next step."""
     return np.asarray(state.status == SEARCHING)
 
 
 @functools.lru_cache(maxsize=32)
 def tuning(refine: Refine, preview_m: float) -> Tuning:
-    """The kernel's view of the settings."""
+    """Kernel parameters of the tracker."""
     return Tuning(
         refine.step_s,
         preview_m,
@@ -245,7 +246,7 @@ def _rows(p: Projection) -> Array:
 
 
 class _WorkSpace(threading.local):
-    """What the kernel works in, each thread's own; nothing in it lasts from call to call."""
+    """The kernel's work space, one per thread, without meaning between calls."""
 
     def __init__(self) -> None:
         self.of = functools.lru_cache(maxsize=4)(lambda rows: (workspace(rows), room_for(rows)))
@@ -268,11 +269,11 @@ def step(
     """One frame of each of n vehicles.
 
     frames (n, 240, 320) uint8. borders: the published search's, for the vehicles that `given` (n,) bool
-    marks; None for none. speed_mps (n,): of the step that led here. hidden (n, BODIES, COLUMNS): the bodies
-    ahead, from `plugin.lane.hidden`, where they are known. yaw_rate_rps (n,): the vehicles' own, NaN or None
+    marks; None for none. speed_mps (n,): of the step that led to these frames. hidden (n, BODIES, COLUMNS):
+    the bodies ahead, from `plugin.lane.hidden`, if known. yaw_rate_rps (n,): the vehicles' own, NaN or None
     for a camera alone.
 
-    Raises ValueError where the sizes do not fit.
+    Raises ValueError for frames of another shape or type.
     """
     n = len(state.status)
     if frames.shape != (n, 240, WIDTH_PX) or frames.dtype != np.uint8:
@@ -316,7 +317,7 @@ def _empty_estimate(n: int) -> LaneEstimate:
 def border_columns(state: LaneState, rows: Array, projection: Projection, furthest_m: float = 150.0) -> Array:
     """(n, 2, rows) columns of the left and the right border at rows (y, up from the bottom, ascending).
 
-    NaN beyond furthest_m and for vehicles without a lock; columns outside the image are given as they are.
+    NaN beyond furthest_m and for vehicles without a lock; columns may lie outside the image.
     """
     out = np.empty((len(state.status), 2, len(rows)))
     columns_kernel(
@@ -337,8 +338,8 @@ PARABOLA_ROWS = np.arange(1.0, 150.0, 3.0)  # enough for a fit
 def parabolas(state: LaneState, columns: Array, rows: Array) -> Borders:
     """Both borders as x = a·y² + b·y + c, fitted where they are in the image; score: share of rows seen.
 
-    columns : `border_columns` at rows. NaN for vehicles without a lock, or where less than five rows are in
-    the image.
+    columns: `border_columns` at rows. NaN for vehicles without a lock, or with fewer than five rows in the
+    image.
     """
     n = len(state.status)
     left, right = np.empty((n, 3)), np.empty((n, 3))
@@ -347,10 +348,10 @@ def parabolas(state: LaneState, columns: Array, rows: Array) -> Borders:
 
 
 def standard_deviations(state: LaneState) -> Array:
-    """(n, STATES) of the road model's state."""
+    """Standard deviations (n, STATES) of the road model's state."""
     return np.sqrt(np.maximum(np.diagonal(state.P, axis1=1, axis2=2), 0.0))
 
 
 def locked(state: LaneState) -> Array:
-    """(n,) bool."""
+    """(n,) bool: which vehicles have a locked lane."""
     return np.asarray(state.status == LOCKED)

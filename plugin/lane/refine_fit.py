@@ -1,9 +1,9 @@
 """Robust information update of the road model by the marking candidates of one frame.
 
-Each row and border has up to CANDIDATES ridges or none; a candidate's weight is its probability against the
-others and against 'none of them is the border' under the model of the moment (expectation step), and the
-state is the Gauss-Newton minimum of the weighted residuals and the prediction (maximisation step). The
-association width shrinks from iteration to iteration. Information form: Λ = P⁻¹ + Σ w Jᵀ J / σ².
+Each row and border has up to CANDIDATES ridges. A candidate's weight is its probability, against the others
+and against 'none of them is the border', under the current model (expectation step); the state is the
+Gauss-Newton minimum of the weighted residuals and the prediction (maximisation step). The association width
+shrinks from iteration to iteration. Information form: Λ = P⁻¹ + Σ w Jᵀ J / σ².
 """
 
 import math
@@ -43,7 +43,7 @@ from sumo_net.compile import kernel
 Array = np.ndarray[Any, Any]
 
 CANDIDATES = 3
-MARGIN_PX = 5.0  # closer to the image's side no ridge can be seen
+MARGIN_PX = 5.0  # no ridge can be detected closer to the image's sides
 
 
 class Work(NamedTuple):
@@ -54,12 +54,12 @@ class Work(NamedTuple):
     border: Array  # (LINES, rows, 6)
     first: Array  # (KNOTS, KNOTS)
     area: Array
-    ridge: Array  # (LINES, rows, CANDIDATES, 2) centre, response
-    ridges: Array  # (LINES, rows) int64 how many
-    expected: Array  # (LINES, rows) bool: a marking there would be seen
+    ridge: Array  # (LINES, rows, CANDIDATES, 2) centre, strength
+    ridges: Array  # (LINES, rows) int64 number of ridges
+    expected: Array  # (LINES, rows) bool: a marking there would be visible
     spread: Array  # (rows,) standard deviation of the predicted borders, columns
-    aside: Array  # (LINES,) variance of what a line's place has beyond that
-    found: Array  # (LINES, rows) bool: and was seen where the model says
+    aside: Array  # (LINES,) m², further variance of a line's lateral position
+    found: Array  # (LINES, rows) bool: a marking was found there
     sums: Array
     response: Array
     prior: Array  # (STATES, STATES) information
@@ -137,7 +137,7 @@ def solve(L, b):  # type: ignore[no-untyped-def]
 
 @kernel
 def invert(A, L, out):  # type: ignore[no-untyped-def]
-    """out <- A⁻¹ of a symmetric positive definite A; L is work space. False where A is not that."""
+    """out <- A⁻¹; L is work space. False where the symmetric A is not positive definite."""
     n = A.shape[0]
     if not cholesky(A, L):
         return False
@@ -164,7 +164,7 @@ def invert(A, L, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def place_borders(x, phase, rows, p, t, work):  # type: ignore[no-untyped-def]
-    """Trace the centre line and both borders of state x."""
+    """Trace the centre line and all four lines of state x, into work."""
     trace(x, phase, work.node)
     ground_of_rows(rows, x[PITCH], p, work.ground)
     for side in range(LINES):
@@ -192,7 +192,7 @@ def jacobian(phase, side, r, p, work):  # type: ignore[no-untyped-def]
 
 @kernel
 def predict_spread(x, P, phase, rows, p, t, work):  # type: ignore[no-untyped-def]
-    """work.spread: how well the columns of the borders are known before looking; places the borders."""
+    """work.spread <- standard deviation of the borders' predicted columns; places the borders."""
     bases(phase, work.first, work.area)
     place_borders(x, phase, rows, p, t, work)
     work.aside[LEFT], work.aside[RIGHT] = 0.0, 0.0
@@ -227,9 +227,9 @@ def line_spread(side, r, scale, work):  # type: ignore[no-untyped-def]
 
 @kernel
 def gather(frame, rows, t, noise, work):  # type: ignore[no-untyped-def]
-    """Look for marking candidates around both borders of x, as far aside as work.spread makes likely.
+    """Collect marking candidates around all lines, within the reach that follows from work.spread.
 
-    The borders are where predict_spread placed them.
+    The lines are where predict_spread placed them.
     """
     height, width = frame.shape
     behind, first, last = body_ahead(frame, rows, work)
@@ -249,7 +249,7 @@ def gather(frame, rows, t, noise, work):  # type: ignore[no-untyped-def]
                 continue
             spread = line_spread(side, r, scale, work)
             half = min(t.gate * spread + t.reach_m * scale, furthest) + t.reach_px
-            # where the prediction hardly tells one line from the next, a ridge would mislead
+            # where the prediction is too uncertain to tell one line from the next, ridges would mislead
             sure = spread < t.unsure_m * scale + 1.0
             if sure and column > -half and column < width + half:
                 if r + 1 < rows.shape[0] and not math.isnan(work.border[side, r + 1, 0]):
@@ -285,8 +285,8 @@ def gather(frame, rows, t, noise, work):  # type: ignore[no-untyped-def]
 def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: ignore[no-untyped-def]
     """Update x (start value in, estimate out) from `predicted` with information work.prior and candidates.
 
-    The borders of the start value are where predict_spread placed them. width: how many times work.spread the
-    association starts with. The posterior information is left in work.information. False where it fails.
+    The lines of the start value are where predict_spread placed them. width: initial association width in
+    units of work.spread. The posterior information is left in work.information. Returns False on failure.
     """
     J, gradient, information = work.J, work.gradient, work.information
     for iteration in range(iterations):
@@ -323,7 +323,7 @@ def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: igno
                 work.found[side, r] = weight > 0.5
                 away = moment / total
                 noise_m = t.noise_m * scale
-                # neighbouring rows are averaged for a ridge: where they are all read, each is a third
+                # a ridge averages three neighbouring rows: where every row is read, each counts a third
                 spacing = rows[r + 1] - rows[r] if r + 1 < rows.shape[0] else 1.0
                 weight *= min(1.0, 0.34 * spacing) / (t.noise_px * t.noise_px + noise_m * noise_m)
                 seen = jacobian(phase, side, r, p, work)
@@ -333,7 +333,7 @@ def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: igno
                     v = weight * J[i]
                     gradient[i] += v * away
                     row = information[i]
-                    for j in range(SEEN):  # whole vectors; what is above the diagonal is not read
+                    for j in range(SEEN):  # full rows vectorise; above the diagonal nothing is read
                         row[j] += v * J[j]
         if not cholesky(information, work.factor):
             return False
@@ -351,14 +351,14 @@ def fit(x, phase, predicted, rows, p, t, width, iterations, work):  # type: igno
 
 @kernel
 def odds_of_paint(strength):  # type: ignore[no-untyped-def]
-    """Odds that a ridge is the border's paint rather than texture, by its strength over the noise's."""
+    """Odds that a ridge is paint rather than texture, from its strength (response over the threshold)."""
     square = strength * strength
     return min(square * square * square, 60.0) / 6.0
 
 
 @kernel
 def tally(work, side):  # type: ignore[no-untyped-def]
-    """(rows where the border was found, rows where it could be seen)."""
+    """(rows where the border was found, rows where it would be visible)."""
     found, expected = 0, 0
     for r in range(work.expected.shape[1]):
         if work.expected[side, r]:
@@ -379,7 +379,7 @@ def nearest_found(side, rows, x, p, work):  # type: ignore[no-untyped-def]
 
 @kernel
 def farthest_found(rows, x, p, work):  # type: ignore[no-untyped-def]
-    """How far ahead paint was seen on either border, in m; the two farthest rows do not count."""
+    """Distance in m up to which paint was found on either border, without the two farthest rows."""
     count = 0
     for r in range(rows.shape[0] - 1, -1, -1):
         if work.found[LEFT, r] or work.found[RIGHT, r]:

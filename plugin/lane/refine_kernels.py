@@ -1,4 +1,4 @@
-"""One frame of the default lane tracker over a fleet: predict, look, fit, judge."""
+"""One frame of the default lane tracker over a fleet: predict, collect candidates, fit, check."""
 
 import math
 
@@ -50,15 +50,15 @@ from sumo_net.copy_kernels import copy_matrix, copy_vector
 
 SEARCHING, TENTATIVE, LOCKED = 0, 1, 2
 NEXT_LANE_M = 0.9
-REACH_M = FURTHEST_M  # how far the model goes, for settings to check against
+REACH_M = FURTHEST_M  # reach of the model, the upper bound of settings
 
 
 @kernel
 def second_look(status, age, misses, doubtful, odd_width):  # type: ignore[no-untyped-def]
-    """Whether to compare the lane that is followed with one that is sought anew.
+    """Whether to compare the tracked lane with one from a new search.
 
-    Soon after a start, which may have been wrong, now and then later, while less of the lane is seen than is
-    usual (`doubtful`), while its width is odd, and while it is not seen.
+    Several times after a start, which may have been wrong; every 50 frames later; more often while less of
+    the lane is seen than usual (`doubtful`), while its width is unusual, and while it is not seen.
     """
     if status == TENTATIVE or age == 2 or age == 5 or age == 12 or age == 25:
         return True
@@ -149,7 +149,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                         predict_spread(x, P, phase, rows, p, t, work)
                         gather(frames[i], rows, t, noise, work)
                 good = good and fit(x, phase, before, rows, p, t, 1.0, t.iterations, work)
-                if good and rival[LOOKS] == 0.0:  # against another lane it has to stand as it is
+                if good and rival[LOOKS] == 0.0:  # not while a rival is compared with the lane as it is
                     seek_bends(frames[i], x, P, phase, speed[i], before, rows, p, t, noise, work, room)
             if good:
                 found_left, expected_left = tally(work, LEFT)
@@ -206,7 +206,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
             support = support_of(x, t, work) if seen_left or seen_right else 0
             if odd or not proven:
                 support = int(support * trust(x, phase, speed[i], yaw_rate[i], t.usual_turn))
-            least = int(1.3 * support + 4)  # a lane found anew must have more than that
+            least = int(1.3 * support + 4)  # a lane from a new search must have more support than that
             fresh = start(
                 frames[i],
                 left[i],
@@ -226,10 +226,10 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                 room.P,
             )
             aside = abs(abs(room.x[OFFSET] - x[OFFSET]) - x[WIDTH])
-            beside = misses == 0 and aside < NEXT_LANE_M  # the same lines, taken for those of the next lane
+            beside = misses == 0 and aside < NEXT_LANE_M  # the same lines, assigned to the next lane
             better = fresh > least and not beside
             odder = not odd_width and not of_usual_width(room.x, t)
-            # the younger a lane, the fewer looks it stands against
+            # the younger a lane, the fewer searches suffice against it
             looks = min(t.odd_looks if odder else t.rival_looks, proof // 2)
             if better and looks > 0 and contradicts(room.x, x, P, t):
                 better = prove(rival, room.x, x, looks, t)
@@ -300,7 +300,7 @@ def _report(i, x, phase, status, seen_left, seen_right, shift, p, t, node, new, 
     out.lateral_offset_m[i] = x[OFFSET]
     out.heading_error_rad[i] = x[HEADING]
     out.curvature_1pm[i] = curvature_at(x, phase, station)
-    # the secant over the 2 s ahead of a vehicle, which is what the prediction drives on
+    # the secant up to twice the preview distance, which the path prediction covers
     out.curvature_rate_1pm2[i] = (curvature_at(x, phase, 2.0 * station) - curvature_at(x, phase, 0.0)) / (
         2.0 * max(station, 1.0)
     )
@@ -311,8 +311,8 @@ def _report(i, x, phase, status, seen_left, seen_right, shift, p, t, node, new, 
 
 @kernel
 def columns_kernel(x, phase, status, rows, p, furthest, out):  # type: ignore[no-untyped-def]
-    """out (n, 2, rows): the column of both borders at each row; NaN where they are not seen or unlocked."""
-    # further nodes than the fit uses: the curvature goes on as it is beyond the last knot
+    """out (n, 2, rows): column of both borders at each row; NaN where out of view or unlocked."""
+    # more nodes than in the fit: the curvature is constant beyond the last knot
     node, border = np.zeros((NODES + 14, 5)), np.zeros((rows.shape[0], 6))
     ground = np.zeros((rows.shape[0], 4))
     for i in range(x.shape[0]):

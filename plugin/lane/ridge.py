@@ -1,7 +1,7 @@
 """Marking candidates on an image row: bright ridges of the width that paint has at that distance.
 
-A ridge is brighter than the road on *both* sides, so that the single edge of a shadow, a kerb or a car does
-not answer.
+A ridge is brighter than the road on *both* sides, so the single edge of a shadow, a kerb or a car gives no
+response.
 """
 
 import math
@@ -29,16 +29,16 @@ def road_noise(frame, row, first, last):  # type: ignore[no-untyped-def]
 def candidates(frame, row, stack, lean, column, half, width_px, noise, t, sums, response, out):  # type: ignore[no-untyped-def]
     """The strongest ridges with their centre within `half` pixels of `column`; out (M, 2): centre, strength.
 
-    The response is the mean grey over the paint's width less the mean of the brighter flank, the strength
-    that over what texture and noise reach; under 1 there is no ridge. The centre is the centroid of what
-    stands out. frame (240, 320) uint8; row: array row; stack: 1, or 3 to average it with its neighbours along
-    a line that goes `lean` columns to the right per row upwards; noise: standard deviation of a pixel.
-    sums, response: work space. Returns how many were found.
+    The response is the mean grey over the paint's width minus the mean of the brighter flank; the strength is
+    the response over the level that texture and noise reach, at least 1. The centre is the centroid of the
+    grey above the flanks. frame (240, 320) uint8; row: array row; stack: 1, or 3 to average the row with its
+    neighbours along a line that goes `lean` columns to the right per row upwards; noise: standard deviation
+    of a pixel. sums, response: work space. Returns the number of ridges.
     """
     columns = frame.shape[1]
     box = max(1, int(width_px + 0.5))
     flank = max(2, min(box, 6))
-    reach = flank + 1  # a pixel each side is left out: it is part paint
+    reach = flank + 1  # one pixel on each side is left out: it is partly paint
     shift = math.floor(lean + 0.5) if stack == 3 else 0
     margin = reach + abs(shift)
     lowest = max(math.ceil(column - half - 0.5 * (box - 1)), margin)
@@ -75,7 +75,7 @@ def candidates(frame, row, stack, lean, column, half, width_px, noise, t, sums, 
             continue
         if (k > 0 and response[k - 1] > r) or (k + 1 < count and response[k + 1] >= r):
             continue
-        # insert by falling response
+        # insert in descending order of response
         place = found if found < out.shape[0] else out.shape[0]
         while place > 0 and out[place - 1, 1] < r:
             if place < out.shape[0]:

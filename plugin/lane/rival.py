@@ -1,10 +1,10 @@
-"""Whether a lane that is sought anew may take the place of the one that is followed.
+"""Whether a lane found by a new search (the rival) may replace the one that is tracked.
 
-A look from nothing now and then takes shadows, the lines of a lane beside or a row of vehicles for the lane,
-mostly when the true one is hardly in the image: in the middle of a lane change. What was followed for long is
-surer than that, even while nothing of it is seen: the vehicle cannot have turned, nor the lane have moved, by
-more than the prediction's covariance says. Lines that contradict it must prove themselves first, by staying
-the same lane in one look after the other.
+A search without prior sometimes takes shadows, the lines of a neighbouring lane or a row of vehicles for the
+lane, mostly while the true one is hardly in the image: in the middle of a lane change. A lane tracked for
+long is more certain than that, even while nothing of it is seen: vehicle and lane cannot have moved by more
+than the prediction's covariance allows. A rival that contradicts it has to be confirmed first: it must be the
+same lane in several searches in a row.
 """
 
 import math
@@ -12,15 +12,15 @@ import math
 from plugin.lane.road_model import HEADING, OFFSET, WIDTH
 from sumo_net.compile import kernel
 
-LOOKS, ASIDE, TURNED = 0, 1, 2  # of a rival: looks in a row, its offset and heading minus the followed's
+LOOKS, ASIDE, TURNED = 0, 1, 2  # of a rival: searches in a row; offset and heading minus the tracked lane's
 RIVAL = 3
 
 
 @kernel
 def contradicts(fresh, x, P, t):  # type: ignore[no-untyped-def]
-    """Whether the pose `fresh` cannot be that of the vehicle that was predicted to be at x ± P.
+    """Whether the state `fresh` contradicts the prediction x ± P.
 
-    An offset that is a lane's width away is the same place, taken for the lane beside.
+    Offsets that differ by a multiple of the lane width are the same place, seen from a neighbouring lane.
     """
     width = max(x[WIDTH], t.min_width_m)
     aside = fresh[OFFSET] - x[OFFSET]
@@ -36,7 +36,7 @@ def contradicts(fresh, x, P, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def close(fresh, x, t):  # type: ignore[no-untyped-def]
-    """Whether the pose `fresh` is that of x but for what looks differ by; False where x is NaN."""
+    """Whether `fresh` is the same lane as x within the scatter of searches; False where x is NaN."""
     return bool(
         abs(fresh[OFFSET] - x[OFFSET]) < t.rival_m
         and abs(fresh[HEADING] - x[HEADING]) < t.rival_rad
@@ -46,14 +46,14 @@ def close(fresh, x, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def carry(rival, advance):  # type: ignore[no-untyped-def]
-    """Move a rival on by a step: both lanes are left behind by the same motion, along their own headings."""
+    """Predict a rival over a step: the same motion changes the offset to each lane by its own heading."""
     if rival[LOOKS] > 0.0:
         rival[ASIDE] += advance * rival[TURNED]
 
 
 @kernel
 def prove(rival, fresh, x, looks, t):  # type: ignore[no-untyped-def]
-    """Count one more look that found the rival `fresh`; True once it was the same in `looks`."""
+    """Count one more search that found the rival `fresh`; True once `looks` in a row found the same."""
     aside, turned = fresh[OFFSET] - x[OFFSET], fresh[HEADING] - x[HEADING]
     same = abs(aside - rival[ASIDE]) < t.rival_m and abs(turned - rival[TURNED]) < t.rival_rad
     rival[LOOKS] = rival[LOOKS] + 1.0 if rival[LOOKS] > 0.0 and same else 1.0

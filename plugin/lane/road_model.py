@@ -1,19 +1,19 @@
-"""The ground-plane road model of the default mode, and where its borders stand in the image.
+"""The ground-plane road model of the default mode, and the position of its borders in the image.
 
-The lane's centre line starts beside the centre of gravity and has a curvature that is linear between knots
-which stay where they are on the ground while the vehicle drives over them: what was seen 40 m ahead is still
-known when it lies under the wheels, where a narrow camera sees nothing. State vector x, (STATES,):
+The lane's centre line starts abreast of the centre of gravity. Its curvature is linear between knots that are
+fixed on the ground while the vehicle drives over them: what was seen 40 m ahead is still known when it is
+under the wheels, where a narrow camera sees nothing. State vector x, (STATES,):
 
     OFFSET   m     centre of gravity left of the lane centre
     HEADING  rad   vehicle heading minus lane heading at the centre of gravity
     WIDTH    m     lane width; the borders are at ± WIDTH / 2
     PITCH    rad   correction to the camera's pitch, downwards positive
-    NEXT_LEFT, NEXT_RIGHT   m   widths of the neighbouring lanes: their outer lines tell of the road's course
+    NEXT_LEFT, NEXT_RIGHT   m   widths of the neighbouring lanes, whose outer lines show the road's course too
     KNOT...  1/m   curvature at stations -phase + j SPACING_M, j = 0 ... KNOTS - 1
-    TURN     rad/s vehicle's yaw rate minus speed times curvature (is not seen in one image)
+    TURN     rad/s vehicle's yaw rate minus speed times curvature (not visible in a single image)
 
-The centre line is integrated exactly (no small-angle or parabola approximation), so that a 250 m curve and a
-clothoid that begins inside the view are both met.
+The centre line is integrated without small-angle or parabola approximation, so that a curve of 250 m radius
+and a clothoid that begins within the view are both represented.
 """
 
 import math
@@ -27,14 +27,14 @@ SPACING_M = 15.0
 OFFSET, HEADING, WIDTH, PITCH, NEXT_LEFT, NEXT_RIGHT, KNOT = 0, 1, 2, 3, 4, 5, 6
 TURN = KNOT + KNOTS
 STATES = TURN + 1
-SEEN = TURN  # states that an image depends on come first
+SEEN = TURN  # number of states that an image depends on; they come first
 
 PER_KNOT = 4  # nodes of the centre line between two knots
 NODE_M = SPACING_M / PER_KNOT
 NODES = PER_KNOT * (KNOTS - 1)
 FURTHEST_M = SPACING_M * (KNOTS - 2)  # covered by knots at every phase
 
-LEFT, RIGHT, OUTER_LEFT, OUTER_RIGHT = 0, 1, 2, 3  # borders, and the lines beyond
+LEFT, RIGHT, OUTER_LEFT, OUTER_RIGHT = 0, 1, 2, 3  # borders, and outer lines of the neighbouring lanes
 LINES = 4
 
 
@@ -55,7 +55,7 @@ def curvature_at(x, phase, station):  # type: ignore[no-untyped-def]
 def trace(x, phase, node):  # type: ignore[no-untyped-def]
     """Integrate the centre line into node (NODES, 5): station, forward, left, sin, cos of its direction.
 
-    Vehicle frame. Node 0 is beside the centre of gravity, the others lie on the knots and between them.
+    Vehicle frame. Node 0 is abreast of the centre of gravity, the others are at the knots and between them.
     """
     direction = -x[HEADING]
     sine, cosine = math.sin(direction), math.cos(direction)
@@ -74,7 +74,7 @@ def trace(x, phase, node):  # type: ignore[no-untyped-def]
         st = turned * (1.0 - square / 6.0)
         ct = 1.0 - 0.5 * square * (1.0 - square / 12.0)
         sine_new, cosine_new = sine * ct + cosine * st, cosine * ct - sine * st
-        # trapezoids with the correction by the ends' derivatives: exact to the fifth power of ds
+        # trapezoidal rule with the derivative correction at the ends: error of fifth order in ds
         part = ds * ds / 12.0
         forward += 0.5 * ds * (cosine + cosine_new) + part * (sine_new * k - sine * curvature)
         left += 0.5 * ds * (sine + sine_new) - part * (cosine_new * k - cosine * curvature)
@@ -84,8 +84,8 @@ def trace(x, phase, node):  # type: ignore[no-untyped-def]
 
 @kernel
 def row_ground(y, pitch, p):  # type: ignore[no-untyped-def]
-    """(ahead, depth, d ahead / d pitch, d depth / d pitch) of the road under image row y; ahead is metres
-    before the camera along its own azimuth, inf above the horizon.
+    """(ahead, depth, d ahead / d pitch, d depth / d pitch) of the road at image row y; ahead: metres from the
+    camera along its own azimuth, inf above the horizon.
     """
     sine = p.sin_pitch + pitch * p.cos_pitch
     cosine = p.cos_pitch - pitch * p.sin_pitch
@@ -108,10 +108,10 @@ def ground_of_rows(rows, pitch, p, ground):  # type: ignore[no-untyped-def]
 
 @kernel
 def border_columns(x, ground, node, p, side, furthest, out):  # type: ignore[no-untyped-def]
-    """Where one line (LEFT … OUTER_RIGHT) crosses image rows, given as ground_of_rows with y ascending.
+    """Where one line (LEFT … OUTER_RIGHT) crosses image rows, given by ground_of_rows with y ascending.
 
     out (rows, 6): column, pixels per metre across, slope of the border against the camera's axis, station,
-    cosine of the lane's direction, d column / d pitch. Rows without an answer have column NaN.
+    cosine of the lane's direction, d column / d pitch. Rows that the line does not cross have column NaN.
     """
     d = 0.5 * x[WIDTH] if side in (LEFT, OUTER_LEFT) else -0.5 * x[WIDTH]
     if side == OUTER_LEFT:
@@ -153,7 +153,7 @@ def border_columns(x, ground, node, p, side, furthest, out):  # type: ignore[no-
 
 @kernel
 def _node_seen(node, i, d, p):  # type: ignore[no-untyped-def]
-    """(ahead, aside, slope) of the border at d left of node i, from the camera."""
+    """(ahead, aside, slope) in the camera's direction of the line d left of the centre line at node i."""
     f0 = node[i, 1] - d * node[i, 3] - p.forward
     l0 = node[i, 2] + d * node[i, 4] - p.left
     across = p.cos_yaw * node[i, 3] - p.sin_yaw * node[i, 4]
@@ -163,7 +163,7 @@ def _node_seen(node, i, d, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def bases(phase, first, area):  # type: ignore[no-untyped-def]
-    """Moments of the knots' hat functions up to every knot: what `sway` continues from.
+    """Moments of the knots' hat functions up to every knot, from which `sway` continues.
 
     first (KNOTS, KNOTS): ∫ (S_i − σ) B_j dσ from 0 to S_i; area: ∫ B_j dσ. S_0 = 0, S_i = i SPACING − phase.
     """
@@ -202,8 +202,8 @@ def sway(phase, first, area, station, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def preview(x, node, distance):  # type: ignore[no-untyped-def]
-    """(lane centre left of the vehicle's axis, lane direction minus vehicle heading, station) where the
-    centre line is `distance` ahead of the centre of gravity.
+    """(lane centre left of the vehicle's axis, lane heading minus vehicle heading, station) where the centre
+    line is `distance` ahead of the centre of gravity.
     """
     i = 1
     while i + 1 < node.shape[0] and node[i, 1] < distance:
@@ -224,8 +224,8 @@ def preview(x, node, distance):  # type: ignore[no-untyped-def]
 
 
 def rows_to_read(horizon_y: float, height_px: int = 240) -> np.ndarray:
-    """Image rows (y up, ascending) that the tracker reads: every third near the vehicle, all far away,
-    where a row covers many metres.
+    """Image rows (y up, ascending) that the tracker reads: every third near the vehicle, all of them far
+    ahead, where a row covers many metres.
     """
     rows: list[int] = []
     y = 1

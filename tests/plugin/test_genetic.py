@@ -283,7 +283,7 @@ def test_another_camera():
 
 
 def test_frames_must_fit_the_state():
-    with pytest.raises(ValueError, match="2 frames for the state of 3 vehicles"):
+    with pytest.raises(ValueError, match="frames: 2: must be 3, one per vehicle"):
         search(np.zeros((2, 240, 320), np.uint8), init(keys(3)), PAPER)
 
 

@@ -87,7 +87,7 @@ def test_few_blocks_cannot_win():
 def test_blocks_end_at_the_horizon():
     assert blocks_below_horizon(Camera()) == 50
     assert blocks_below_horizon(Camera(pitch_rad=-0.03)) == 30  # horizon at y = 92, last block up to 89
-    with pytest.raises(ValueError, match="leaves 5 blocks: 10 are needed"):
+    with pytest.raises(ValueError, match="leaves 5 blocks: at least 10 are needed"):
         blocks_below_horizon(Camera(pitch_rad=-0.11))
     frame = np.full((1, 240, 320), 80, np.uint8)
     frame[0, : 240 - 90] = 255  # only above the 30th block
