@@ -38,7 +38,7 @@ def replay(
     directory = Path(directory)
     for name in vehicle_ids:
         check_vehicle(directory, name)
-    run = _settings(directory)
+    run = settings_to_repeat(directory)
     recorded = read_table(directory, "steps")
     recorded = recorded[recorded["vehicle_id"].isin(list(vehicle_ids))]
     repeated = _repeat(directory, run, vehicle_ids, float(recorded["time_s"].max()), threads, quiet)
@@ -57,7 +57,8 @@ def replay(
     return findings
 
 
-def _settings(directory: Path) -> RunSettings:
+def settings_to_repeat(directory: Path) -> RunSettings:
+    """What a run is repeated from. Raises DriveError where it cannot be."""
     try:
         run = read_configuration(directory)
     except SettingsError as error:

@@ -44,8 +44,9 @@ def make_video(
         check_vehicle(directory, vehicle_id)
     with Film(out, _STEP_S) as film:
         if vehicle_id not in vehicles_with_frames(directory):
-            from analysis.replay import replay
+            from analysis.replay import replay, settings_to_repeat
 
+            settings_to_repeat(directory)  # or nothing is announced
             tell(f"no frames of '{vehicle_id}' were kept: the run is repeated for them")
             replay(directory, [vehicle_id], quiet=False)
         drive = load_drive(directory, vehicle_id)

@@ -134,6 +134,10 @@ def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[s
         mapping = content.get("settings", content)
         if not isinstance(mapping, dict):
             raise SettingsError(f"{path}: settings = {mapping!r}: must be a mapping")
+        if content.get("scenario") == "":
+            raise SettingsError(
+                f"{path}: is of a loop of your own, whose network and traffic are not in it: run that again"
+            )
         return mapping, path
     if path.suffix != ".toml":
         files = scenario_files()

@@ -159,8 +159,9 @@ def _drives(run: RunTables, vehicles: Sequence[str], tell: Callable[[str], None]
             names = names or [most_interesting(run.directory)]
         missing = [name for name in names if name not in kept]
         if missing:
-            from analysis.replay import replay
+            from analysis.replay import replay, settings_to_repeat
 
+            settings_to_repeat(run.directory)  # or nothing is announced
             tell(f"the run is repeated for the camera frames of {', '.join(missing)} (--no-frames: without)")
             run.notes.extend(replay(run.directory, missing))
         for name in names:

@@ -1,5 +1,6 @@
 """Recorded drives: frames kept while running, and made afterwards by repeating the run."""
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,10 +15,12 @@ from analysis import canvas
 from analysis.cli import main
 from analysis.drive import DriveError, load_drive, most_interesting, vehicles_of, vehicles_with_frames
 from analysis.replay import replay
+from analysis.video import make_video
 from camera_synth.camera import PROCESSED_FROM, projection, vehicle_from_image
 from plugin.capture import FRAMES, folder_name
 from plugin.configuration import load_configuration
 from plugin.record import read_table
+from sumo_net.settings import SettingsError
 from tests.plugin.test_assistance import in_process
 
 SECONDS = 5.0
@@ -185,7 +188,16 @@ def test_what_is_missing_is_said(watched: Path, tmp_path: Path) -> None:
     with pytest.raises(DriveError, match=f"no frames of '{name}'"):
         load_drive(tmp_path / "run", name)
     assert most_interesting(watched) in vehicles_of(watched)
-    (tmp_path / "run" / "configuration.json").unlink()
+    settings = tmp_path / "run" / "configuration.json"
+    content = json.loads(settings.read_text(encoding="utf-8"))
+    settings.write_text(json.dumps(content | {"scenario": ""}), encoding="utf-8")  # of a user's own loop
+    with pytest.raises(SettingsError, match="loop of your own"):
+        load_configuration(str(settings))
+    told: list[str] = []
+    with pytest.raises(DriveError, match="loop of your own"):
+        make_video(tmp_path / "run", tmp_path / "drive.mp4", name, tell=told.append)
+    assert not told
+    settings.unlink()
     with pytest.raises(DriveError, match="cannot be repeated"):
         replay(tmp_path / "run", [name])
 
