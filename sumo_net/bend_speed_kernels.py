@@ -1,4 +1,4 @@
-"""How fast the road ahead may be driven."""
+"""Speed limits that follow from the bends ahead."""
 
 import math
 
@@ -10,9 +10,9 @@ from sumo_net.road_kernels import path_length, pose_at
 
 @kernel
 def bend_speeds(table, path, station, speed, lateral, braking):  # type: ignore[no-untyped-def]
-    """Speed (n,) in m/s from which each vehicle can still brake evenly to what every bend ahead allows.
+    """Highest speed (n,) in m/s from which braking at `braking` still meets the limit of every bend ahead.
 
-    min over the places s ahead of √(lateral / |κ(s)| + 2 · braking · s), up to where it could stop;
+    Minimum over distances s ahead of √(lateral / |κ(s)| + 2 · braking · s), up to the stopping distance;
     infinite on a straight road.
     """
     n = len(path)

@@ -1,7 +1,7 @@
 """Copying arrays in kernels.
 
-numba compiles `out[:] = source` with broadcasting and the text of an error for each place where it stands;
-that was an eighth of the time (profiled) that the lane tracker took to compile.
+numba compiles each `out[:] = source` with broadcasting and an error message; that took an eighth of the lane
+tracker's compilation time (profiled).
 """
 
 from sumo_net.compile import kernel

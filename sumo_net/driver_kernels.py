@@ -1,7 +1,7 @@
-"""Kernels of the lateral driver: profile of a lane change, episodes, and the steer that is asked for.
+"""Kernels of the lateral driver: lane-change profile, episodes of inattention, and steering demand.
 
 `mind`, `traits` and `c` are a Mind, Traits and DriverNumbers of `sumo_net.driver`; `i` is the vehicle. The
-mind's arrays are written in place: the caller gives its own copy.
+mind's arrays are written in place.
 """
 
 import math
@@ -10,10 +10,10 @@ from sumo_net.compile import kernel
 from sumo_net.randomness import normal, uniform
 
 STEP_S = 0.1
-RECOVERY_S = 5.0  # an episode counts as the cause of what follows at most so long
-RECOVERED_M = 0.3  # and no longer once the vehicle is so near its line
+RECOVERY_S = 5.0  # how long an episode counts as the cause of what follows, at most,
+RECOVERED_M = 0.3  # or until the vehicle is this near its line
 _TABLE_SPEED_STEP_MPS = 4.0
-_UNREST_STREAM = 2**40  # beyond all counters of the noise
+_UNREST_STREAM = 2**40  # first counter of the jitter, beyond all counters of the slow noise
 
 
 @kernel
@@ -34,7 +34,7 @@ def profile(start, rate, rate2, target, elapsed, duration):  # type: ignore[no-u
 
 @kernel
 def veer(start, rate, ramp, elapsed):  # type: ignore[no-untyped-def]
-    """Position, velocity, acceleration of a line that leaves `start` and after `ramp` s drifts at `rate`."""
+    """Position, velocity, acceleration of a line from `start` whose drift reaches `rate` after `ramp` s."""
     t = max(elapsed, 0.0)
     if t >= ramp:
         return start + rate * (t - 0.5 * ramp), rate, 0.0
@@ -48,7 +48,7 @@ def veer(start, rate, ramp, elapsed):  # type: ignore[no-untyped-def]
 
 @kernel
 def reference(mind, traits, i):  # type: ignore[no-untyped-def]
-    """The line that the driver wants now (or, commanded to veer off, follows): position, two derivatives."""
+    """The driver's desired line (or that of a scripted drift) now: position, velocity, acceleration."""
     if mind.veer_left_s[i] > 0.0:
         return veer(mind.veer_from_m[i], mind.veer_rate_mps[i], mind.veer_ramp_s[i], mind.veer_elapsed_s[i])
     return profile(
@@ -84,11 +84,11 @@ def draw_waiting(mind, traits, i, rate):  # type: ignore[no-untyped-def]
 
 @kernel
 def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-def]
-    """The path under the vehicle has moved: all offsets grow by `shift` m, so lead the line back smoothly.
+    """Continue the desired line on a new path, in which all offsets are larger by `shift` m.
 
-    A deliberate change is SUMO's lane change: it ends any episode, draws whether it is signalled, and has a
-    cause; one that goes on over another lane is the same manoeuvre. Otherwise only the reference is led over
-    (two fits of a road differ by centimetres).
+    `deliberate`: SUMO has changed lanes. That ends any episode, draws whether the change is signalled and
+    sets the cause; a change over a further lane continues the same manoeuvre. Otherwise only the line is
+    carried over (two fits of a road differ by centimetres).
     """
     y, dy, ddy = reference(mind, traits, i)
     if mind.veer_left_s[i] > 0.0 and not deliberate:
@@ -119,7 +119,7 @@ def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-d
 
 @kernel
 def lead_back(mind, traits, i):  # type: ignore[no-untyped-def]
-    """The driver who has veered off steers back to the own line, as smoothly as in a lane change."""
+    """End a scripted drift: the driver steers back to the own line, as smoothly as in a lane change."""
     y, dy, ddy = reference(mind, traits, i)
     mind.veer_left_s[i] = 0.0
     mind.change_from_m[i], mind.change_rate_mps[i], mind.change_rate2_mps2[i] = y, dy, ddy
@@ -130,7 +130,7 @@ def lead_back(mind, traits, i):  # type: ignore[no-untyped-def]
 
 @kernel
 def restart(mind, traits, i):  # type: ignore[no-untyped-def]
-    """The driver is on the line and attentive; what lies ahead (waiting times, counters) stays."""
+    """Reset the driver to the own line, attentive; waiting times and counters are kept."""
     mind.noise[i] = 0.0
     mind.unrest[i] = mind.calm[i] = 0.0
     mind.cause[i] = 0
@@ -147,10 +147,10 @@ def restart(mind, traits, i):  # type: ignore[no-untyped-def]
 
 @kernel
 def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # type: ignore[no-untyped-def]
-    """Once a step: the disturbance goes on; episodes begin and end; a lane change ends.
+    """One step of the driver's attention: begin and end of episodes, end of a lane change, disturbance.
 
-    d and d_front are the offsets of centre of gravity and front axle; calm: the road allows an episode to
-    begin. Returns the disturbance at the end of the step (standard normal).
+    d and d_front: offsets of centre of gravity and front axle; calm: the road allows an episode to begin.
+    Returns the disturbance at the end of the step (standard normal).
     """
     if math.isnan(mind.until_glance_s[i]):
         mind.until_glance_s[i] = draw_waiting(mind, traits, i, c.glance_rate)
@@ -163,7 +163,7 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
             mind.veer_left_s[i] = min(mind.veer_left_s[i], traits.reaction_s[i])
         mind.veer_left_s[i] -= STEP_S
         if mind.veer_left_s[i] <= 1e-9:
-            mind.veer_left_s[i] = STEP_S  # so that `reference` still speaks of the veering
+            mind.veer_left_s[i] = STEP_S  # so that `reference` still returns the drift's line
             lead_back(mind, traits, i)
             veering = False
     changing = mind.change_elapsed_s[i] < mind.change_duration_s[i]
@@ -183,11 +183,11 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
         if mind.episode_left_s[i] <= 0.0:
             mind.episode_left_s[i] = 0.0
             mind.recovery_left_s[i] = RECOVERY_S
-            # after a freeze the driver sees the error afresh: what disturbed the hands before is gone
+            # after a freeze the driver perceives the error anew: the earlier disturbance is gone
             mind.noise[i] = 0.0
     elif mind.recovery_left_s[i] > 0.0:
         mind.recovery_left_s[i] -= STEP_S
-        # a profile that leads back begins where the vehicle is: only the line it leads to counts
+        # a profile leading back starts at the vehicle: only the distance to its target counts
         if mind.recovery_left_s[i] <= 0.0 or abs(d - traits.offset_m[i]) < RECOVERED_M:
             mind.recovery_left_s[i] = 0.0
             if mind.cause[i] < 3:
@@ -217,8 +217,7 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
 
 @kernel
 def unrest(mind, traits, i, keep):  # type: ignore[no-untyped-def]
-    """The next value of vehicle i's quick unrest (not yet scaled); to be called after `attend`."""
-    # the noise stream counts steps from 1 up, the unrest has its own half of the counter
+    """The next value of vehicle i's fast steering jitter (not scaled); to be called after `attend`."""
     kick = math.sqrt(1.0 - keep * keep) * normal(traits.noise_key[i], mind.steps[i] + _UNREST_STREAM)
     mind.calm[i] += (1.0 - keep) * (mind.unrest[i] - mind.calm[i])
     mind.unrest[i] = keep * mind.unrest[i] + kick
@@ -236,16 +235,16 @@ def at_speed(table, v):  # type: ignore[no-untyped-def]
 
 @kernel
 def tightness(curvature):  # type: ignore[no-untyped-def]
-    """0 on bends wider than R 167 m, 1 on turns tighter than R 25 m: there a driver steers harder."""
+    """0 in bends wider than R = 167 m, 1 in turns tighter than R = 25 m, where drivers steer harder."""
     return min(max((abs(curvature) - 0.006) / 0.034, 0.0), 1.0)
 
 
 @kernel
 def correction(away, drift, bandwidth, damping, most, friction_most):  # type: ignore[no-untyped-def]
-    """Lateral acceleration in m/s² by which an attentive driver corrects (noise and limit not yet applied).
+    """(correction, limit) in m/s² of an attentive driver's lateral acceleration; noise is not included.
 
-    away, drift: from the line wanted, m and m/s. Returns it with the limit that it is to be kept in: comfort
-    (`most`), but who drifts off at more than 2 m/s forgets comfort and goes up to friction.
+    away, drift: from the desired line, m and m/s. The limit is that of comfort (`most`), and at drifts above
+    2 m/s it rises to friction.
     """
     panic = min(max(0.5 * abs(drift) - 1.0, 0.0), 1.0)
     limit = most + panic * max(friction_most - most, 0.0)

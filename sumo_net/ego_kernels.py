@@ -12,15 +12,15 @@ from sumo_net.vehicle import derivatives
 SUBSTEPS = 10
 KINEMATIC_BELOW_MPS = 2.0
 DYNAMIC_ABOVE_MPS = 4.0
-# Where it is guided, from none to all: lateral acceleration and share of the full lock that the curve takes,
-# yaw rate beside the curve's, heading relative to the path.
+# Where `guidance` sets in and is full: lateral acceleration and share of full lock that the curve needs, yaw
+# rate minus the curve's, heading relative to the path.
 GUIDED_MPS2 = (6.0, 10.0)
 GUIDED_LOCK = (0.8, 1.0)
 GUIDED_RPS = (0.4, 0.8)
 GUIDED_RAD = (0.5, 0.8)
-LED_LOCK = (1.0, 2.0)  # and where it is no longer drawn to the path but put on it
+LED_LOCK = (1.0, 2.0)  # share of full lock where the vehicle begins to be put, and is put, on the path
 _GUIDE_PER_STEP = 0.4
-_RELAXATION_1PS = 25.0  # towards rolling without slip, like the tyres' own rate at 4 m/s
+_RELAXATION_1PS = 25.0  # towards rolling without slip, similar to the tyres' own rate at 4 m/s
 _F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10 = (1.0 / math.factorial(k) for k in range(3, 11))
 
 
@@ -28,7 +28,7 @@ _F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10 = (1.0 / math.factorial(k) for k in rang
 def lateral_rates(v_y, yaw_rate, steer, v, p):  # type: ignore[no-untyped-def]
     """(v̇_y, γ̇) at any speed: corrected eq. (11) above 4 m/s, rolling without slip below 2 m/s.
 
-    Between, both are blended smoothly; at v = 0 both states decay to zero.
+    In between they are blended smoothly; at v = 0 both states decay to zero.
     """
     if v >= DYNAMIC_ABOVE_MPS:
         return derivatives(v_y, yaw_rate, steer, v, p)
@@ -45,7 +45,7 @@ def lateral_rates(v_y, yaw_rate, steer, v, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def sine_cosine(angle):  # type: ignore[no-untyped-def]
-    """(sin, cos) of an angle, taken at ±1.2 rad beyond that, by series: off by less than 3e-7, and fast."""
+    """(sin, cos) by series, with an error below 3e-7, of an angle clipped to ±1.2 rad."""
     a = min(max(angle, -1.2), 1.2)
     q = a * a
     sine = a * (1.0 - q * (_F3 - q * (_F5 - q * (_F7 - q * _F9))))
@@ -55,7 +55,7 @@ def sine_cosine(angle):  # type: ignore[no-untyped-def]
 
 @kernel
 def forward_speed(along, v_y, d, e, curvature):  # type: ignore[no-untyped-def]
-    """Speed of the centre of gravity along the vehicle's x axis; its foot on the path moves at `along`."""
+    """Speed of the centre of gravity along the vehicle's x axis; `along` = ṡ."""
     sine, cosine = sine_cosine(e)
     return (along * max(1.0 - d * curvature, 0.1) + v_y * sine) / cosine
 
@@ -99,10 +99,10 @@ def runge_kutta(x, steer, steer_end, along, along_end, curvature, curvature_end,
 
 @kernel
 def guidance(bend, v, e, odd_yaw_rate, c):  # type: ignore[no-untyped-def]
-    """Share of a step's guidance, 0 where tyres, lock and driver can follow a road of curvature `bend` ≥ 0.
+    """Share for `guided` in a step: 0 where tyres, lock and driver can follow a road of curvature `bend` ≥ 0.
 
-    `odd_yaw_rate`, the vehicle's minus the curve's, counts too: behind a turn that it was led through, wheels
-    that are still turned would take it off the road.
+    `odd_yaw_rate`, the vehicle's minus the curve's, counts too: after a turn with guidance, wheels that are
+    still turned would take the vehicle off the road.
     """
     lock = bend * c.wheelbase * (1.0 + c.understeer * v * v) / c.steer_most
     beyond = max(_ramp(bend * v * v, GUIDED_MPS2), _ramp(lock, GUIDED_LOCK))
@@ -117,11 +117,11 @@ def _ramp(value, ends):  # type: ignore[no-untyped-def]
 
 @kernel
 def guided(x, line, curvature, along, share, p):  # type: ignore[no-untyped-def]
-    """Draw x = (d, e, v_y, γ) by `share` towards rolling along the path on the driver's line.
+    """Move x = (d, e, v_y, γ) by `share` towards rolling along the path on the driver's line.
 
-    SUMO takes city turns and kinks of its lanes at speeds that no tyre bears, and turns on the spot. A
-    vehicle that obeys physics would leave the road there; this one is led along it, and what it reports there
-    is no driving.
+    SUMO takes city turns and kinks of its lanes at speeds beyond the tyres' limits, and turns on the spot. A
+    physical vehicle would leave the road there; this one is guided along it, and its motion there is not
+    physical.
     """
     yaw_rate = curvature * along
     v_y = p.l_r * yaw_rate
@@ -136,21 +136,21 @@ def guided(x, line, curvature, along, share, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
-    """One step of 0.1 s for n vehicles, written into `motion` (Motion) and `mind` (Mind), the caller's own.
+    """One step of 0.1 s for n vehicles, in place in `motion` (Motion) and `mind` (Mind).
 
-    `drive` (Drive) is what road and SUMO say about the step, c DriverNumbers, p Model.
+    `drive` (Drive): inputs from road and SUMO; c: DriverNumbers; p: Model.
     """
     h = STEP_S / SUBSTEPS
     steer_share = 1.0 - math.exp(-h / c.steer_lag)
     steer_move_most = c.steer_rate_most * h
     for i in range(len(motion.offset_m)):
         x = (motion.offset_m[i], motion.heading_rad[i], motion.lateral_speed_mps[i], motion.yaw_rate_rps[i])
-        steer = motion.steer_rad[i] - c.jitter_gain * (mind.unrest[i] - mind.calm[i])  # the driver's own
+        steer = motion.steer_rad[i] - c.jitter_gain * (mind.unrest[i] - mind.calm[i])  # without jitter
         v_old, v_new = drive.speed_before_mps[i], drive.speed_after_mps[i]
         k_old, k_new = drive.curvature_before_1pm[i], drive.curvature_after_1pm[i]
         look_old, look_new = drive.preview_before_1pm[i], drive.preview_after_1pm[i]
         v_mean = 0.5 * (v_old + v_new)
-        # SUMO's displacement is not the mean speed times the step (Euler): keep both exactly
+        # SUMO's displacement is not mean speed times step (Euler); this keeps both exact
         stretch = drive.distance_m[i] / (STEP_S * v_mean) if v_mean > 0.01 else 1.0
 
         tight = tightness(max(abs(k_old), abs(k_new), abs(look_new)))
@@ -159,7 +159,7 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
             abs(k_new) * square < c.calm_curve
             and abs(drive.curvature_sight_1pm[i] - k_new) * square < c.calm_change
         )
-        if tight > 0.2:  # R < 78 m: nobody turns a corner with the eyes off the road
+        if tight > 0.2:  # R < 78 m: no inattention in turns
             calm = False
             mind.episode_left_s[i] = min(mind.episode_left_s[i], STEP_S)
         front = x[0] + p.l_f * math.sin(x[1])
@@ -172,7 +172,7 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         held, drift_error = mind.held_steer_rad[i], mind.drift_mps2[i]
         jitter_old = jitter_end = c.jitter_gain * (mind.unrest[i] - mind.calm[i])
         jitter_change = c.jitter_gain * unrest(mind, traits, i, c.jitter_keep) - jitter_old
-        # What the jitter leaves of the driver's SDLP is the slow disturbance's
+        # The slow disturbance makes up what the jitter leaves of the driver's SDLP
         slow_sd = math.sqrt(max(traits.sd_m[i] ** 2 - at_speed(c.jitter_lateral, v_mean) ** 2, 0.0))
         scale = slow_sd * at_speed(c.noise_scale, v_mean)  # m/s² of disturbance
         preview = at_speed(c.preview, v_mean)
@@ -194,7 +194,7 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
             begin, end = j / SUBSTEPS, (j + 1) / SUBSTEPS
             v, v_end = v_old + begin * (v_new - v_old), v_old + end * (v_new - v_old)
             k, k_end = k_old + begin * (k_new - k_old), k_old + end * (k_new - k_old)
-            # Below `slow` control goes by distance, not time, so nothing is singular at a standstill.
+            # Below `slow`, control goes by distance, not time: nothing is singular at standstill.
             v_scale = max(v, slow)
             per_square = 1.0 / (v_scale * v_scale)
             steer_per_curvature = wheelbase * (1.0 + understeer * v * v)
@@ -218,7 +218,7 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
                 back += line_rate2 + scale * (noise_old + begin * (noise_new - noise_old))
                 back = min(max(back, -limit), limit)
                 look = look_old + begin * (look_new - look_old)
-                # Friction limits what is asked for, unless SUMO drives a turn itself faster than that.
+                # Friction limits the demand, unless SUMO itself drives a turn faster than that.
                 most = friction_most * per_square
                 if tight > 0.0:
                     most = max(most, limit * per_square + abs(look))

@@ -1,4 +1,4 @@
-"""Kernels that put the ego's road frame on the RoadTable: changes of path, what the step meets, world pose.
+"""Kernels that relate the ego's road frame to the RoadTable: path changes, inputs of a step, world pose.
 
 `motion`, `mind`, `traits`, `drive` as in `sumo_net.ego` and `sumo_net.driver`; `table` a RoadTable.
 """
@@ -14,19 +14,19 @@ from sumo_net.frames import wrap_angle
 from sumo_net.road_kernels import containing_lanes, pose_at, project, segment_at, station_of
 from sumo_net.road_table import OWN_RIGHT
 
-LANE_CHANGE_M = 1.5  # a path that lies so far beside the last one is SUMO's lane change
-JUMP_M = 5.0  # a vehicle found so far from where it should be was moved: it begins anew
-SIGHT_S = 3.0  # drivers look away, or doze off, only where the road is calm so far ahead
-ODD_WAY_M = 0.5  # a step's way so far from what the speed says is no driving
-CLOSE_UP_S = 3.0  # time constant in which a difference to SUMO's place along the road fades
-OUTER_MOST = 1.2  # over ground, on the outer side of a turn, a vehicle is so much faster than SUMO's at most
-BEHIND_M = (3.0, 4.0)  # unless it has fallen behind by so much
+LANE_CHANGE_M = 1.5  # a path this far beside the last one means that SUMO has changed lanes
+JUMP_M = 5.0  # a vehicle this far from its expected position has been moved: it starts anew
+SIGHT_S = 3.0  # how far ahead the road must be calm for an episode to begin
+ODD_WAY_M = 0.5  # a displacement in a step that differs this much from speed times time is not driven
+CLOSE_UP_S = 3.0  # time constant with which a lead or lag to SUMO's position decays
+OUTER_MOST = 1.2  # largest ground speed over SUMO's on the outer side of a turn,
+BEHIND_M = (3.0, 4.0)  # unless the vehicle has fallen behind by this much
 _MOST_HEADING_RAD = 1.2
 
 
 @kernel
 def stretch_of(table, path):  # type: ignore[no-untyped-def]
-    """Metres along the path per metre that SUMO counts on its own lane; 1 where that is too short to say."""
+    """Metres along the path per metre of SUMO's lane position; 1 on lanes too short to tell."""
     if table.own_length_m[path] < 5.0:
         return 1.0
     stretch = (table.own_end_m[path] - table.own_start_m[path]) / table.own_length_m[path]
@@ -35,7 +35,7 @@ def stretch_of(table, path):  # type: ignore[no-untyped-def]
 
 @kernel
 def settle(motion, mind, traits, i, table, station, along, c, p):  # type: ignore[no-untyped-def]
-    """Vehicle i begins on its driver's line, in the steady turn that the path's curvature asks for."""
+    """Start vehicle i on its driver's line, in a steady turn of the path's curvature."""
     _, _, _, curvature = pose_at(table, motion.path[i], station)
     v = max(along, 0.1)
     if v * v * abs(curvature) > c.acceleration_most:
@@ -54,7 +54,7 @@ def settle(motion, mind, traits, i, table, station, along, c, p):  # type: ignor
 
 @kernel
 def onto_paths(motion, mind, traits, table, changed, new_path, lane_position, speed, bumper, c, p):  # type: ignore[no-untyped-def]
-    """Carry the world pose of the `changed` vehicles over to their new paths; new vehicles settle."""
+    """Carry the world pose of the `changed` vehicles over to their new paths; new vehicles start there."""
     for j in range(len(changed)):
         i = changed[j]
         old, path = motion.path[i], new_path[i]
@@ -78,16 +78,16 @@ def onto_paths(motion, mind, traits, table, changed, new_path, lane_position, sp
             settle(motion, mind, traits, i, table, before, along, c, p)
             continue
         motion.station_m[i], motion.offset_m[i], motion.heading_rad[i] = s, d_new, e
-        # the speed over ground stays: a foot on an inner lane moves slower
+        # the speed over ground stays the same: ds/dt is smaller on an inner path
         motion.along_mps[i] *= (1.0 - d * curvature) / max(1.0 - d_new * new_curvature, 0.1)
         shift_line(mind, traits, i, d_new - d, abs(d_new - d) > LANE_CHANGE_M)
 
 
 @kernel
 def outer_share(curvature, offset, behind):  # type: ignore[no-untyped-def]
-    """Share of SUMO's way along the path that a vehicle makes which is `offset` beside it, `behind` SUMO's.
+    """Factor on SUMO's displacement for a vehicle `offset` left of the path and `behind` SUMO's position.
 
-    Whoever changes lanes shortly before a sharp turn drives a much longer way than SUMO's along the lane.
+    A vehicle that changes lanes shortly before a sharp turn drives much further than SUMO's along the lane.
     """
     ground = 1.0 - offset * curvature
     if ground <= OUTER_MOST:
@@ -98,15 +98,15 @@ def outer_share(curvature, offset, behind):  # type: ignore[no-untyped-def]
 
 @kernel
 def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper, c, p):  # type: ignore[no-untyped-def]
-    """Fill `drive` for the step to SUMO's new places and move the stations there."""
+    """Fill `drive` for the step to SUMO's new positions and move the stations there."""
     fade = STEP_S / CLOSE_UP_S
     for i in range(len(lane_position)):
         path = motion.path[i]
         along = stretch_of(table, path) * speed[i]
         place = station_of(table, path, lane_position[i]) - bumper
-        # The vehicle moves as far as SUMO's does on its lane (its step may be Euler or ballistic), and closes
-        # up on SUMO's place slowly: where lanes join or change, SUMO's lengths and the path's differ by up to
-        # a metre, too much for one step. There, and where SUMO puts it elsewhere, its speed tells the way.
+        # The vehicle moves as far as SUMO's does on its lane (Euler or ballistic), and closes up on SUMO's
+        # position slowly: where lanes join or change, SUMO's lengths and the path's differ by up to a metre,
+        # too much for one step. There, and where SUMO moves it, displacement is speed times time.
         way = place + bumper - station_of(table, path, motion.lane_position_m[i])
         if not abs(way - STEP_S * along) < ODD_WAY_M:
             way = STEP_S * along
@@ -163,12 +163,12 @@ def see(motion, table):  # type: ignore[no-untyped-def]
 
 @kernel
 def front_laterals(motion, table, bumper):  # type: ignore[no-untyped-def]
-    """Offset (n,) of the front bumper's centre from the path, at the station in front of which it stands."""
+    """Offset (n,) of the front bumper's centre from the path abreast of it."""
     out = np.empty(len(motion.station_m))
     for i in range(len(out)):
         d, e = motion.offset_m[i], motion.heading_rad[i]
         _, _, _, curvature = pose_at(table, motion.path[i], motion.station_m[i])
         ahead = bumper * math.cos(e)
-        # second order in the bumper's distance: the path turns away under it by κ b² / 2
+        # to second order in the bumper's distance b: the path curves by κ b² / 2 over it
         out[i] = d + bumper * math.sin(e) - 0.5 * curvature * ahead * ahead
     return out

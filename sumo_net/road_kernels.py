@@ -1,8 +1,8 @@
 """Kernels on the RoadTable: pose, projection, borders, and the road ahead of the fleet.
 
 `table` is a RoadTable, `path` an index into it, `s` a station on the path, `d` metres left of it. Before its
-start and after its end a path goes straight on, except in `ahead`, which ends with the path.
-Plural names are the same for n vehicles at once.
+start and after its end a path goes straight on, except in `ahead`, which ends with the path. Kernels with
+plural names do the same for n vehicles.
 """
 
 import math
@@ -13,7 +13,7 @@ from sumo_net.compile import kernel
 from sumo_net.frames import wrap_angle
 from sumo_net.road_table import AHEAD_M, MAX_BORDERS, NO_MARKING, OWN_RIGHT, RoadAhead
 
-_SIDE_WAYS = math.radians(80.0)  # a road turned further away than this is not road ahead any more
+_SIDE_WAYS = math.radians(80.0)  # a road that has turned further than this does not count as ahead
 
 
 @kernel
@@ -58,7 +58,7 @@ def pose_at(table, path, s):  # type: ignore[no-untyped-def]
 
 @kernel
 def station_of(table, path, lane_position):  # type: ignore[no-untyped-def]
-    """Station of a position along SUMO's lane, on the path's own lane; past its ends, metre by metre."""
+    """Station of a position along SUMO's lane, the path's own; beyond its ends, metre by metre."""
     start, end, length = table.own_start_m[path], table.own_end_m[path], table.own_length_m[path]
     if lane_position < 0.0:
         return start + lane_position
@@ -69,7 +69,7 @@ def station_of(table, path, lane_position):  # type: ignore[no-untyped-def]
 
 @kernel
 def _newton(table, path, x, y, s):  # type: ignore[no-untyped-def]
-    # Foot of the perpendicular near s: (s, d, found).
+    # Perpendicular foot near s: (s, d, found).
     length = path_length(table, path)
     d = 0.0
     for _ in range(20):
@@ -87,7 +87,7 @@ def _newton(table, path, x, y, s):  # type: ignore[no-untyped-def]
 
 @kernel
 def project(table, path, x, y, s_guess):  # type: ignore[no-untyped-def]
-    """(s, d) of the world point nearest s_guess: Newton; where that fails, from the nearest sample on.
+    """(s, d) of a world point, with s near s_guess: by Newton; where that fails, from the nearest sample on.
 
     (NaN, NaN) for a point or a guess that is not finite.
     """
@@ -101,7 +101,9 @@ def project(table, path, x, y, s_guess):  # type: ignore[no-untyped-def]
     for i in range(last + 1):
         at = table.first_sample[path] + i
         distance = math.hypot(table.x_m[at] - x, table.y_m[at] - y)
-        distance += 0.01 * abs(i * h - s_guess)  # of two passes of the same place, the one near the guess
+        distance += 0.01 * abs(
+            i * h - s_guess
+        )  # prefers the passage near the guess where the path crosses itself
         if distance < nearest:
             best, nearest = i, distance
     again, e, found_again = _newton(table, path, x, y, best * h)
@@ -109,7 +111,7 @@ def project(table, path, x, y, s_guess):  # type: ignore[no-untyped-def]
         return again, e
     if found:
         return s, d
-    # No perpendicular foot (the point lies at a centre of curvature): the nearest sample stands for it.
+    # No perpendicular foot (the point is at a centre of curvature): the nearest sample is taken.
     _, _, heading, _ = pose_at(table, path, best * h)
     at = table.first_sample[path] + best
     return best * h, math.cos(heading) * (y - table.y_m[at]) - math.sin(heading) * (x - table.x_m[at])
@@ -117,7 +119,7 @@ def project(table, path, x, y, s_guess):  # type: ignore[no-untyped-def]
 
 @kernel
 def segment_at(table, path, s):  # type: ignore[no-untyped-def]
-    """Row of the segment that station s is in (the first or the last one beyond the ends)."""
+    """Row of the segment that contains station s (the first or the last one beyond the ends)."""
     low = table.first_segment[path]
     high = low + table.segments[path] - 1
     while low < high:
@@ -131,7 +133,7 @@ def segment_at(table, path, s):  # type: ignore[no-untyped-def]
 
 @kernel
 def edge_station_at(table, path, s):  # type: ignore[no-untyped-def]
-    """Edge-anchored station at s: the same for all paths through the place; dashes repeat along it."""
+    """Edge-anchored station at s: the same for all paths at one place, so that dashes agree."""
     g = segment_at(table, path, s)
     return table.anchor_m[g] + (s - table.segment_start_m[g]) * table.stretch[g]
 
@@ -145,11 +147,11 @@ def borders_at(table, path, s):  # type: ignore[no-untyped-def]
 
 @kernel
 def containing_lane(table, path, s, d):  # type: ignore[no-untyped-def]
-    """The lane that (s, d) lies in, or the outermost one for a place beside all lanes.
+    """The lane that contains (s, d), or the outermost one for a point beside all lanes.
 
-    Returns (right border offset, left border offset, right kind, left kind, lanes_left, on_marked_road):
-    lanes_left counts lanes left (+) of the path's own. on_marked_road: on the asphalt, between borders of
-    which at least one is painted.
+    Returns (right border offset, left border offset, right kind, left kind, lanes_left, on_marked_road).
+    lanes_left: position of the lane relative to the path's own, left positive. on_marked_road: on the
+    asphalt, with at least one of the two borders painted.
     """
     g = segment_at(table, path, s)
     right = OWN_RIGHT
@@ -221,9 +223,9 @@ def containing_lanes(table, path, s, d):  # type: ignore[no-untyped-def]
 def ahead(table, path, s, d, heading_error):  # type: ignore[no-untyped-def]
     """RoadAhead for n vehicles: path, s, d, heading_error (n,).
 
-    The vehicle's centre of gravity stands d left of the path at s, its heading that of the path plus
-    heading_error. From where the path ends, has turned 80° away from the vehicle or comes back, NaN (and no
-    marking); a vehicle whose s is not finite gets NaN throughout.
+    The vehicle's centre of gravity is d left of the path at s, its heading that of the path plus
+    heading_error. From where the path ends, has turned 80° away from the vehicle or comes back, values are
+    NaN (and there is no marking). All are NaN for a vehicle with an input that is not finite.
     """
     n, J = len(s), len(AHEAD_M)
     station, forward, left = np.full((n, J), np.nan), np.full((n, J), np.nan), np.full((n, J), np.nan)

@@ -14,7 +14,7 @@ _UNUSED = -1
 def around(handle, x, y, heading, snapshot, centre_x, centre_y, reach, out):  # type: ignore[no-untyped-def]
     """Fill Objects `out` of n vehicles with the others of a Snapshot; see surroundings.objects_around.
 
-    Every vehicle is compared with every other, which is quicker than a tree for hundreds in the traffic.
+    Every vehicle is compared with every other, which is faster than a tree for hundreds of vehicles.
     """
     most = out.handle.shape[1]
     square, nearest = np.zeros(centre_x.shape[0]), np.zeros(most)

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 @settings
 class Vehicle:
-    """The car: table 5 of Zhang et al. 2011 at half load; the body's outline is ours."""
+    """The car: table 5 of Zhang et al. 2011 at half load; overhang and wheel span are ours."""
 
     front_axle_m: float = Field(0.90, gt=0, description="l_f, centre of gravity to front axle")
     rear_axle_m: float = Field(1.06, gt=0, description="l_r, centre of gravity to rear axle")
@@ -59,7 +59,7 @@ class Vehicle:
 
 
 class Model(NamedTuple):
-    """The single-track model's numbers as kernels take them."""
+    """The single-track model's parameters as kernels take them."""
 
     m: float
     I: float  # noqa: E741
@@ -70,7 +70,7 @@ class Model(NamedTuple):
 
 
 def model(vehicle: Vehicle) -> Model:
-    """The kernel's view of a vehicle."""
+    """Kernel parameters of a vehicle."""
     return Model(
         vehicle.mass_kg,
         vehicle.yaw_inertia_kgm2,
