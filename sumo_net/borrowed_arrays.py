@@ -1,8 +1,8 @@
-"""Kernels that do not count references, where whoever calls them holds the arrays for as long as they run.
+"""Kernels without reference counting, where the caller holds the arrays while they run.
 
-numba counts one more for every array that is taken from a NamedTuple, sliced or handed on, and one less when
-that is done with: locked additions, for which all threads wait. A kernel that neither makes arrays nor gives
-any back can do without; its arguments cost less to hand over, too.
+numba increments a reference count for every array that is taken from a NamedTuple, sliced or passed on, and
+decrements it afterwards: atomic operations that make threads wait for each other. A kernel that neither
+creates nor returns arrays does not need them; its arguments are cheaper to pass, too.
 """
 
 from typing import Any
@@ -19,10 +19,10 @@ _VIEWS = ("getattr", "static_getitem", "build_tuple", "cast", "phi", "exhaust_it
 
 
 class BorrowingCompiler(RememberingCompiler):
-    """numba's compiler; kernels that can do without counting references do not count."""
+    """numba's compiler, without reference counting in kernels that do not need it."""
 
     def define_pipelines(self) -> list[Any]:
-        """numba's own, and what decides about the counts before the code is made."""
+        """numba's own pipeline, with a pass that switches reference counting off before code generation."""
         (nopython,) = super().define_pipelines()
         nopython.add_pass_after(_StopCounting, AnnotateTypes)
         nopython.finalize()
@@ -39,12 +39,12 @@ class _StopCounting(AnalysisPass):
     def run_pass(self, state: Any) -> bool:
         if _only_borrows(state):
             state.targetctx = state.targetctx.subtarget(enable_nrt=False)
-            state.targetctx.__dict__.pop("nrt", None)  # of the context that counts
+            state.targetctx.__dict__.pop("nrt", None)  # cached from the context with counting
         return False
 
 
 def _only_borrows(state: Any) -> bool:
-    """Whether all arrays of a function, whose types are known, are its arguments, parts or views of them."""
+    """Whether all arrays of a typed function are its arguments, or parts or views of them."""
 
     def counted(name: str) -> bool:
         return _holds_references(state, state.typemap[name])
@@ -53,7 +53,7 @@ def _only_borrows(state: Any) -> bool:
         if not isinstance(value, ir.Expr) or value.op in _VIEWS:
             return True
         if value.op == "getitem":
-            return not counted(value.index.name)  # a copy, where the index is an array
+            return not counted(value.index.name)  # indexing by an array makes a copy
         if value.op == "call":
             named = guard(get_definition, state.func_ir, value.func)
             return getattr(named, "value", None) is scratch or isinstance(
@@ -64,7 +64,7 @@ def _only_borrows(state: Any) -> bool:
     if _holds_references(state, state.return_type):
         return False
     for block in state.func_ir.blocks.values():
-        if any(block.find_insts((ir.DynamicRaise, ir.DynamicTryRaise))):  # a message with values is an object
+        if any(block.find_insts((ir.DynamicRaise, ir.DynamicTryRaise))):  # its message is a counted object
             return False
         for assignment in block.find_insts(ir.Assign):
             if counted(assignment.target.name) and not borrows(assignment.value):
@@ -73,5 +73,5 @@ def _only_borrows(state: Any) -> bool:
 
 
 def _holds_references(state: Any, kind: Any) -> bool:
-    """Whether values of a type keep something alive: arrays do, and tuples of them."""
+    """Whether values of a type hold counted references, as arrays and tuples of them do."""
     return bool(state.targetctx.data_model_manager[kind].contains_nrt_meminfo())

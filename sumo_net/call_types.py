@@ -1,7 +1,7 @@
-"""Types of calls are worked out once: numba's own functions, which all kernels call with the same few types.
+"""Remembers the types of calls of numba's own functions, which all kernels call with the same few types.
 
-For `a + b` numba tries some thirty implementations one after the other, and again wherever it stands, each
-time that it goes through a kernel, and when it makes the code: a seventh of the lane tracker's compiling.
+For each `a + b` numba tries some thirty implementations one after the other, in every pass over a kernel and
+again when it generates code: a seventh of the lane tracker's compilation time.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ _signatures: dict[Any, Any] = {}
 
 
 class RememberingCompiler(Compiler):
-    """numba's compiler, which asks once what a call of one of numba's functions gives."""
+    """numba's compiler, which resolves the type of each call of one of numba's functions only once."""
 
     def compile_extra(self, func: Any) -> Any:
         """Compile the function."""
@@ -27,7 +27,7 @@ class RememberingCompiler(Compiler):
 
 @contextlib.contextmanager
 def _remembering() -> Iterator[None]:
-    # for as long as a kernel is compiled, alone: numba holds a lock; others may compile in this process, too
+    # only while a kernel is compiled, since other code in this process may compile, too; numba holds a lock
     function: Any = types.Function
     before = function.get_call_type
     function.get_call_type = _signature
@@ -38,7 +38,7 @@ def _remembering() -> Iterator[None]:
 
 
 def _signature(function: Any, context: Any, args: Any, kws: Any) -> Any:
-    # whatever else is registered for a function later makes it another type
+    # safe to keep: a function for which more is registered later is another type
     call = function, context, args, tuple(kws.items()), _inherited(ConfigStack().top())
     signature = _signatures.get(call)
     if signature is None:
@@ -47,5 +47,5 @@ def _signature(function: Any, context: Any, args: Any, kws: Any) -> Any:
 
 
 def _inherited(flags: Any) -> tuple[Any, ...]:
-    """Of a kernel's flags those that hold for what numba compiles for its calls, too."""
+    """A kernel's flags that also apply to what numba compiles for its calls."""
     return flags.nrt, flags.error_model, flags.forceinline, frozenset(flags.fastmath.flags)

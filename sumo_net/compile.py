@@ -1,17 +1,17 @@
 """The one way in which this project compiles: cached numba kernels that release the GIL.
 
-Kernels take arrays over the fleet, as plain arrays or as NamedTuples of arrays, and loop over the
-vehicles inside. Threads, where they help, each get a slice of the fleet.
+Kernels take arrays over the fleet, as plain arrays or as NamedTuples of arrays, and loop over the vehicles
+inside. Threads, where they help, each get a slice of the fleet.
 
-The cache is beside the code, or, where that cannot be written, in the user's own cache folder. It is never a
-reason to fail: what is broken in it is compiled anew, and so is what calls a kernel that has changed, and
-everything where the way of compiling has.
+The cache is beside the code or, where that is not writable, in the user's cache folder. It never causes a
+failure: broken entries are compiled anew. So are kernels that call a changed kernel, and all of them after a
+change of the compiler modules.
 
-A kernel that another one calls is compiled into it, so there it is compiled without a way in from Python and
-is not kept on disk by itself (`inner_compiler`).
+A kernel that is called by another one is compiled into the caller; for that it needs no entry point from
+Python and no cache entry of its own (`inner_compiler`).
 
-Vectors are as wide as the processor's: LLVM holds on to half of AVX-512's width, since the first processors
-that had it slowed down under it.
+Vectors have the processor's full width. By default, LLVM uses only half of AVX-512's, because the first
+processors that had it lowered their clock rate under it.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ from sumo_net.kernel_sources import parts, stamp
 
 try:
     from sumo_net.inner_compiler import InnerCompiler, OuterCompiler
-except ImportError:  # of another numba: the same results, slower
+except ImportError:  # another version of numba: the same results, but slower
     _OUTER: dict[str, Any] = {}
     _INNER: dict[str, Any] = {}
 else:
@@ -37,13 +37,13 @@ else:
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
-# without the wrapper for C callers, which nothing here is: a tenth of the time to compile
+# without the wrapper for C callers, of which there are none: it takes a tenth of the compilation time
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
-_SINCE_ICE_LAKE = "+avx512vbmi2"  # and Zen 4; these do not slow down
+_SINCE_ICE_LAKE = "+avx512vbmi2"  # Ice Lake, Zen 4 and later, which keep their clock rate
 
 _numba: Any = numba.config
-if _numba.CPU_FEATURES is None:  # NUMBA_CPU_FEATURES is the user's
+if _numba.CPU_FEATURES is None:  # else the user has set NUMBA_CPU_FEATURES
     _features = codegen.get_host_cpu_features()
     if _SINCE_ICE_LAKE in _features.split(","):
         _numba.CPU_FEATURES = f"{_features},-prefer-256-bit"
@@ -53,7 +53,7 @@ _COMPILED_BY = tuple(
     for name in ("compile", "inner_compiler", "borrowed_arrays", "call_types")
 )
 
-KERNELS: list[Any] = []  # those of all modules that were imported
+KERNELS: list[Any] = []  # of all modules imported so far
 
 
 def kernel(function: _F) -> _F:
@@ -62,10 +62,10 @@ def kernel(function: _F) -> _F:
 
 
 def inlined(function: _F) -> _F:
-    """`kernel`, but LLVM puts it into those that call it.
+    """As `kernel`, but inlined into its callers.
 
-    For small matrices, whose sizes are constants there, and where a call costs more than what it does: every
-    field of every array of a NamedTuple is an argument of its own.
+    For small matrices, whose sizes are constants in the caller, and where a call costs more than its work:
+    every field of every array of a NamedTuple is a separate argument.
     """
     return _compiled(function, {"forceinline": True})
 
@@ -77,8 +77,8 @@ def _compiled(function: _F, options: dict[str, Any]) -> _F:
         compiled._cache = _Cache(function)  # what njit(cache=True) does with numba's own
     except RuntimeError:  # numba found no folder that it can write
         warnings.warn(
-            "no folder for compiled kernels can be written, every process compiles them anew (about a "
-            "minute): set NUMBA_CACHE_DIR to one that can",
+            "no folder for compiled kernels is writable, so every process compiles them anew (about a "
+            "minute): set NUMBA_CACHE_DIR to a writable folder",
             RuntimeWarning,
             stacklevel=3,
         )
@@ -90,24 +90,24 @@ def _compiled(function: _F, options: dict[str, Any]) -> _F:
 
 
 def kept() -> int:
-    """How many of the kernels of the modules imported so far are in the cache, by this process or others."""
+    """Number of kernels of the modules imported so far that are in the cache, from this process or others."""
     return sum(is_kept(one) for one in KERNELS)
 
 
 def is_kept(compiled: Any) -> bool:
-    """Whether the kernel is in the cache as it is now."""
+    """Whether the present version of a kernel is in the cache."""
     return isinstance(compiled._cache, _Cache) and compiled._cache.begun()
 
 
 class _Cache(FunctionCache):
-    """numba's cache; a file that is cut short or garbled, or a full disk, is no exception."""
+    """numba's cache; truncated or corrupt files and a full disk raise no exception."""
 
     def __init__(self, function: Any) -> None:
         super().__init__(function)
-        # both now: the file may be edited before anything is compiled
+        # both at import: the file may be edited before anything is compiled
         self._stamp = self._impl.locator.get_source_stamp()
         stamp(function.__code__.co_filename)
-        del self._cache_file  # it would be made before all that the function calls is defined
+        del self._cache_file  # made later, when everything that the function calls is defined
 
     @functools.cached_property
     def _cache_file(self) -> Any:  # type: ignore[override]
@@ -118,16 +118,16 @@ class _Cache(FunctionCache):
         )
 
     def begun(self) -> bool:
-        """Whether it holds anything that is still good."""
+        """Whether there is an entry that is still valid."""
         try:
             return bool(self._cache_file._load_index())
-        except Exception:  # of unpickling anything
+        except Exception:  # unpickling may raise anything
             return False
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             return super().load_overload(sig, target_context)
-        except Exception:  # of unpickling anything
+        except Exception:  # unpickling may raise anything
             with contextlib.suppress(OSError):
                 self.flush()
             return None
@@ -137,7 +137,7 @@ class _Cache(FunctionCache):
             super().save_overload(sig, data)
         except OSError:
             self.disable()
-        except Exception:  # the index is garbled
+        except Exception:  # the index is corrupt
             with contextlib.suppress(OSError):
                 self.flush()
                 super().save_overload(sig, data)

@@ -1,10 +1,10 @@
-"""Compiling what only other kernels call: up to LLVM's intermediate code, which goes into the callers.
+"""Compiles kernels that other kernels call, only to LLVM's intermediate code, which goes into the callers.
 
-numba would translate it to machine code as well, which nobody runs. It is optimised here all the same: what
-comes into a caller as it was written, with all its counts of references, makes that slow.
+numba would also translate it to machine code, which is never run. It is optimised here all the same: linked
+in as generated, with all its reference counting, it would make the caller slow.
 
-What is overridden here numba does not document. Where it lacks any of it, this cannot be imported, and
-`compile` leaves everything to numba's own compiler.
+What is overridden here is not documented by numba. If a version of numba lacks any of it, this module raises
+ImportError and `compile` uses numba's own compiler.
 """
 
 from typing import Any
@@ -30,7 +30,7 @@ for _owner, _names in _USED.items():
 
 
 class _InnerLibrary(JITCodeLibrary):
-    """A library that is linked into others, and not run."""
+    """A library that is linked into others and not executed itself."""
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -38,15 +38,15 @@ class _InnerLibrary(JITCodeLibrary):
 
     @property
     def codegen(self) -> Any:
-        """What numba tells the environment to, which has a place in machine code alone."""
+        """The object on which numba calls `set_env`; environments exist only in machine code."""
         return self
 
     def set_env(self, name: str, env: Any) -> None:
-        """Nothing: `OuterCompiler` does."""
+        """Does nothing; `OuterCompiler` sets the environments."""
 
 
 class InnerCompiler(BorrowingCompiler):
-    """numba's compiler, but for where the code goes and the counts."""
+    """The compiler of kernels that are called by other kernels."""
 
     def compile_extra(self, func: Any) -> Any:
         """Compile the function."""
@@ -56,12 +56,12 @@ class InnerCompiler(BorrowingCompiler):
 
 
 class OuterCompiler(BorrowingCompiler):
-    """numba's compiler, for what is called from Python and may call what InnerCompiler made."""
+    """The compiler of kernels that are called from Python and may contain those of InnerCompiler."""
 
     def compile_extra(self, func: Any) -> Any:
         """Compile the function."""
         result = super().compile_extra(func)
-        # as numba does for what it loads: inner kernels' messages and prints take their values from there
+        # as numba does for what it loads: messages and prints of inner kernels read their values there
         for env in result._find_referenced_environments():
             result.codegen.set_env(env.env_name, env)
         return result

@@ -1,6 +1,6 @@
-"""What a compiled kernel is made of beside its own file: the kernels it calls, and the constants it names.
+"""Dependencies of a compiled kernel besides its own file: kernels that it calls, and constants that it names.
 
-numba looks at a kernel's own file alone, and would go on with what it has of those in other files.
+numba checks only a kernel's own file, and would use stale code of kernels in other files.
 """
 
 import functools
@@ -14,8 +14,8 @@ _CONSTANTS = (bool, int, float, str, tuple)
 
 
 def parts(function: FunctionType) -> tuple[Part, ...]:
-    """(module, mtime, bytes) of the files of all kernels within `function`, and (module, name, value) of what
-    they know from elsewhere by name: numbers, and the fields of NamedTuples. Sorted.
+    """(module, mtime, bytes) of the files of all kernels called within `function`, and (module, name, value)
+    of the globals that they use: constants, and the fields of NamedTuples. Sorted.
     """
     found: set[Part] = set()
     seen: set[FunctionType] = set()
@@ -36,7 +36,7 @@ def _direct(function: FunctionType) -> tuple[tuple[FunctionType, ...], frozenset
     named: set[Part] = {(function.__module__, *stamp(function.__code__.co_filename))}
     for name in _names(function.__code__):
         value = function.__globals__.get(name)
-        inner = getattr(value, "py_func", getattr(value, "_defn", None))  # of a kernel, of an intrinsic
+        inner = getattr(value, "py_func", getattr(value, "_defn", None))  # of a kernel or an intrinsic
         if isinstance(inner, FunctionType):
             called.append(inner)
         elif isinstance(value, _CONSTANTS):
@@ -47,15 +47,15 @@ def _direct(function: FunctionType) -> tuple[tuple[FunctionType, ...], frozenset
 
 
 def _names(code: CodeType) -> set[str]:
-    """The global names in it and in what is defined within."""
+    """The global names in a code object and in those nested in it."""
     return set(code.co_names).union(*(_names(one) for one in code.co_consts if isinstance(one, CodeType)))
 
 
 @functools.cache
 def stamp(file: str) -> tuple[float, int]:
-    """(mtime, bytes) of a file as this process saw it first."""
+    """(mtime, bytes) of a file when this process first asked for it."""
     try:
         status = os.stat(file)
-    except OSError:  # from an archive, or typed in
+    except OSError:  # code from an archive, or entered interactively
         return 0.0, 0
     return status.st_mtime, status.st_size

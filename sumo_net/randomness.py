@@ -1,8 +1,8 @@
 """One counter-based generator per (seed, vehicle, stream).
 
-A draw is a pure function of a 64-bit key and a counter, so it depends neither on the order of the fleet nor
-on its size, on threads or on workers. Keys come from BLAKE2b of (seed, vehicle id, stream name); draws from
-the SplitMix64 finaliser (Steele, Lea, Flood 2014) over key + counter.
+A draw is a pure function of a 64-bit key and a counter, so it does not depend on the order or size of the
+fleet, nor on threads or workers. Keys are BLAKE2b hashes of (seed, vehicle id, stream name); draws come from
+the SplitMix64 finaliser (Steele, Lea, Flood 2014) of key + counter.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ def stream_key(seed: int, vehicle_id: str, stream: str) -> np.uint64:
 
 
 def generator(seed: int, vehicle_id: str, stream: str) -> np.random.Generator:
-    """A numpy generator on the same key, for draws at set-up."""
+    """A numpy generator with the same key, for draws at set-up."""
     return np.random.Generator(np.random.Philox(key=int(stream_key(seed, vehicle_id, stream))))
 
 
@@ -47,7 +47,7 @@ def uniform(key, counter):  # type: ignore[no-untyped-def]
 
 @kernel
 def uniforms(keys, counter):  # type: ignore[no-untyped-def]
-    """The uniform draw of each of keys (n,), (n,)."""
+    """Uniform draws (n,) in [0, 1) of keys (n,) at one counter."""
     out = np.empty(len(keys))
     for i in range(len(keys)):
         out[i] = uniform(keys[i], counter)
@@ -56,7 +56,7 @@ def uniforms(keys, counter):  # type: ignore[no-untyped-def]
 
 @kernel
 def normal(key, counter):  # type: ignore[no-untyped-def]
-    """A standard normal draw of (key, counter) by Box and Muller; uses the counter's two halves."""
+    """A standard normal draw of (key, counter) by Box and Muller, from uniform draws 2c and 2c + 1."""
     u1 = 1.0 - uniform(key, np.uint64(2) * np.uint64(counter))
     u2 = uniform(key, np.uint64(2) * np.uint64(counter) + np.uint64(1))
     return math.sqrt(-2.0 * math.log(u1)) * math.cos(2.0 * math.pi * u2)

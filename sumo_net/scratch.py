@@ -1,7 +1,7 @@
-"""Work space for kernels on the stack.
+"""Work space of kernels on the stack.
 
-An array from numpy lies on the heap: it costs a call each time, and the compiler must take it that what is
-written into one may be read in another. Small matrices of constant size on the stack it keeps in registers.
+An array from numpy is on the heap: each allocation costs a call, and the compiler has to assume that arrays
+may overlap. Small matrices of constant size on the stack are kept in registers.
 """
 
 import math
@@ -16,10 +16,10 @@ _BYTES = 8
 
 
 def _scratch(_typing_context: Any, shape: Any) -> Any:
-    """A float64 array, not filled, of a constant shape: a number or a tuple of them.
+    """An uninitialised float64 array of constant shape, an integer or a tuple of integers.
 
-    For kernels alone. It is gone when the kernel ends, so it may not be given back, and a kernel has one for
-    each place in its text that asks, also within a loop.
+    Only for kernels. It ends with the kernel, so it must not be returned. Each call in the source stands for
+    one array, also within a loop.
     """
     sizes = getattr(shape, "types", (shape,))
     if not all(isinstance(size, types.IntegerLiteral) for size in sizes):
