@@ -13,7 +13,7 @@ from sumo_net.settings import SettingsError
 
 
 def actor_lines(actors: Sequence[Actor], network: BuiltNetwork | Path, begin_s: float) -> list[str]:
-    """One <vehicle> per actor, by departure; `begin_s`: SUMO's time when recording begins.
+    """One <vehicle> per actor, by time of departure; `begin_s`: SUMO's time when recording begins.
 
     Raises SettingsError.
     """

@@ -17,7 +17,7 @@ from sumo_net.road_table import OWN_RIGHT
 LANE_CHANGE_M = 1.5  # a path this far beside the last one means that SUMO has changed lanes
 JUMP_M = 5.0  # a vehicle this far from its expected position has been moved: it starts anew
 SIGHT_S = 3.0  # how far ahead the road must be calm for an episode to begin
-ODD_WAY_M = 0.5  # a displacement in a step that differs this much from speed times time is not driven
+ODD_WAY_M = 0.5  # a step whose displacement differs this much from speed times time was not driven
 CLOSE_UP_S = 3.0  # time constant with which a lead or lag to SUMO's position decays
 OUTER_MOST = 1.2  # largest ground speed over SUMO's on the outer side of a turn,
 BEHIND_M = (3.0, 4.0)  # unless the vehicle has fallen behind by this much

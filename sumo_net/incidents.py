@@ -58,7 +58,7 @@ class _Draws(NamedTuple):
     event: float
     strength: float
     length: float
-    other: float
+    other: float  # braking: whether the follower looks away, and for how long; cut-in: the side tried first
 
 
 class IncidentMaker:

@@ -19,7 +19,7 @@ class MotionEstimate(NamedTuple):
     curvature_1pm: Array  # filtered lane curvature at the centre of gravity
     curvature_rate_1pm2: Array
     lane_width_m: Array  # filtered, known also while the observer coasts over frames without a lane
-    settled_s: Array  # time since the start, a contradicting look, or a longer time without a lane
+    settled_s: Array  # time since the start, a lane estimate that contradicted, or a longer time without one
     lane_shift: Array  # int8: +1 the offset refers to the lane on the left of the step before, -1 right
 
 

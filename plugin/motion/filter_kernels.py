@@ -18,7 +18,7 @@ from sumo_net.compile import kernel
 from sumo_net.copy_kernels import copy_matrix, copy_vector
 
 N = 13  # states
-M = 4  # measurements of a look
+M = 4  # measurements of a look, the lane estimate of one frame
 VY, YAW, D, PSI, K, KRATE, R, AIM, UNREST, CALM, BIAS, GYRO, ALIGNMENT = range(N)
 _HARDEST_MPS2 = 3.0  # lateral acceleration up to which the process noise grows with it
 _REOPENED = (VY, YAW, PSI, R, AIM)  # states whose variance an abrupt manoeuvre raises
