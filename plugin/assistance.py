@@ -34,26 +34,26 @@ from sumo_net.traffic import STEP_S, Traffic, TrafficError
 
 Array = np.ndarray[Any, Any]
 
-SETTLE_EVERY_STEPS = 100  # rows are judged and written every 10 s of simulated time …
-WRITE_EVERY_STEPS = 10  # … those of `tracks`, which wait for nothing, every second
+SETTLE_EVERY_STEPS = 100  # rows are scored and written every 10 s of simulated time …
+WRITE_EVERY_STEPS = 10  # … those of `tracks`, scored at once, every second
 
 
 class Latest(NamedTuple):
-    """The last step of n vehicles, for who watches."""
+    """The last step of n vehicles, for live displays."""
 
     time_s: float
     handle: Array  # (n,) int64
     departure_code: Array  # (n,) int8, index into plugin.warning.departure.CODES
     collision_code: Array  # (n,) int8, index into plugin.warning.collision.CODES
-    columns: dict[str, Any]  # those of the table `steps` that are known by then, text as codes
-    moments: list[Moment]  # of the parts of the fleet
+    columns: dict[str, Any]  # of the table `steps`, as far as they are known; text as codes
+    moments: list[Moment]  # one for each part of the fleet
 
 
 class DriverAssistance:
     """Lane-departure and rear-end warning for the equipped vehicles of a running SUMO simulation.
 
     Use `attach` in a loop of your own and call `step` after each simulation step; `tables` gives what was
-    recorded. Close it, or use it as a context: the last seconds are scored and written then.
+    recorded. Close it, or use it as a context manager: the last seconds are scored and written then.
     """
 
     def __init__(
@@ -71,10 +71,10 @@ class DriverAssistance:
         watch: Watch | None = None,
         scenario: str = "",
     ) -> None:
-        """`network`: where the smooth road comes from, by default the network file that SUMO has loaded.
+        """`network`: source of the smooth road, by default the network file that SUMO has loaded.
 
-        `watch`: whose camera frames are kept and where; default: those of `recording.frames`, in `out`.
-        `scenario`: what the run can be repeated from, for configuration.json; none in a loop of your own.
+        `watch`: which vehicles' camera frames are kept, and where; default: `recording.frames`, in `out`.
+        `scenario`: its name, for configuration.json; empty in a loop of your own.
         """
         keep_freed_memory()
         out = None if out is None else Path(out)
@@ -96,7 +96,7 @@ class DriverAssistance:
         self._equipped = np.zeros(256, np.bool_)  # by handle
         self._last_handle = -1
         self._chain = Chain(configuration, seed, self._roads, compare_paper)
-        self._names: dict[int, str] = {}  # of the equipped, those that left lately among them
+        self._names: dict[int, str] = {}  # of equipped vehicles, also those that left recently
         self._fleet = Fleet(self._chain, self._names.__getitem__, threads)
         self.recorder = Recorder(run_id, out, formats, aside=out is not None)
         if out is not None:
@@ -108,7 +108,7 @@ class DriverAssistance:
         self._rear_end = rear_end.RearEndScorer(self.recorder, traffic, self._roads, configuration)
         self._vehicles = 0  # equipped so far
         self._listeners = Listeners(configuration.reaction, seed, traffic.vehicle_id)
-        self._alerted = np.zeros(0, np.int64)  # handles of those who hear a lane-departure warning and listen
+        self._alerted = np.zeros(0, np.int64)  # handles whose drivers react to a lane-departure warning
         labels = {"lane_id": traffic.lane_ids, "tlc_side": ("left", "right"), "ldw_state": departure.CODES}
         labels |= rear_end.LABELS
         self._scorer = Scorer(self.recorder, self._names, labels, configuration.matching)
@@ -128,7 +128,7 @@ class DriverAssistance:
         settings: Configuration | Mapping[str, Any] | Path | str | None = None,
         **options: Any,
     ) -> "DriverAssistance":
-        """Equip vehicles of a simulation that runs already.
+        """Equip vehicles of a running simulation.
 
         simulation : the module libsumo or traci, or a traci Connection, with a step length of 0.1 s.
         equip : share of the vehicles that are equipped; default: that of the settings.
@@ -146,7 +146,7 @@ class DriverAssistance:
                 mapping["equipment"] = {**mapping.get("equipment", {}), "fraction": equip}
             settings = configuration_from(mapping, "settings")
         elif equip is not None:
-            raise ValueError("equip and a whole Configuration: set equipment.fraction in it instead")
+            raise ValueError("equip cannot be given with a Configuration: set its equipment.fraction instead")
         assistance = cls(Traffic.attach(simulation), settings, seed=seed, **options)
         if not compiled():
             logging.getLogger(__name__).warning("compiling in the first steps, once: one or two minutes")
@@ -169,12 +169,12 @@ class DriverAssistance:
         return Tables(self.recorder)
 
     def step(self) -> None:
-        """Work through the 0.1 s that SUMO has just simulated.
+        """Process the 0.1 s that SUMO has just simulated.
 
-        Raises TrafficError, and does nothing, where SUMO's time has not moved by that since the last call.
+        Raises TrafficError and changes nothing unless SUMO's time has advanced by 0.1 s since the last call.
         """
         if self._closed:
-            raise TrafficError("this assistance is closed: attach anew")
+            raise TrafficError("this assistance is closed: attach again")
         snapshot = self._traffic.snapshot()
         self._check_time()
         equipped = self._find_equipped(snapshot)
@@ -195,7 +195,7 @@ class DriverAssistance:
         else:
             self._tell(snapshot, truth)
         self._script.step(snapshot)
-        self.recorder.flush(MOST_WAITING)  # a full disk is told of now, not with the next rows
+        self.recorder.flush(MOST_WAITING)  # raises an error such as a full disk now, not with the next rows
         if self._steps % WRITE_EVERY_STEPS == 0:
             self._rear_end.write_tracks()
         if self._steps % SETTLE_EVERY_STEPS == 0:
@@ -227,7 +227,7 @@ class DriverAssistance:
             try:
                 self._scorer.settle(np.inf, final=True)
                 self._rear_end.settle(np.inf, final=True)
-                self.recorder.flush()  # all is counted then
+                self.recorder.flush()  # the counts are complete only then
                 self.recorder.append("runs", self._run_row())
             finally:
                 if self._capture is not None:
@@ -239,8 +239,8 @@ class DriverAssistance:
         now_s = self._traffic.time_s
         if self._steps and abs(now_s - self._end_s - STEP_S) > STEP_S / 100.0:
             raise TrafficError(
-                f"SUMO's time went from {self._end_s:.2f} to {now_s:.2f} s: step() is due once after every "
-                f"step of {STEP_S:g} s; after loadState, close this and attach anew"
+                f"SUMO's time went from {self._end_s:.2f} to {now_s:.2f} s: call step() once after every "
+                f"step of {STEP_S:g} s; after loadState, close this and attach again"
             )
 
     def _run_row(self) -> dict[str, list[Any]]:
@@ -277,13 +277,13 @@ class DriverAssistance:
         return np.asarray(self._equipped[snapshot.handle])
 
     def _seen(self, truth: EgoTruth) -> slice | Array:
-        """Whose sensors work: all, but where only those are of interest whose frames are kept."""
+        """Vehicles whose sensors run: all, or with `watch.alone` those whose frames are kept."""
         if self._capture is None or self._watch is None or not self._watch.alone:
             return slice(None)
         return self._capture.watched(truth.handle)
 
     def _tell(self, snapshot: Snapshot, truth: EgoTruth) -> None:
-        """Tell SUMO what the equipped vehicles do, and what happens to others."""
+        """Write incidents, and the equipped vehicles' lateral positions and bend speeds, to SUMO."""
         self._incidents.step(snapshot)
         if len(truth.handle):
             self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
@@ -292,7 +292,7 @@ class DriverAssistance:
     def _drive(
         self, snapshot: Snapshot, truth: EgoTruth, half_span_m: Array, meanwhile: Callable[[], None]
     ) -> None:
-        """The chains of n > 0 vehicles and what comes of them; `meanwhile` is done while threads work."""
+        """Run the chains of n > 0 vehicles and record the results; `meanwhile` runs while threads work."""
         time_s, leader = self._traffic.time_s, self._rear_end.leaders(snapshot, truth.handle)
 
         def judge(part: slice, outcome: Outcome) -> rear_end.Judged:
@@ -322,7 +322,7 @@ def _watch(watch: Watch | None, count: int, out: Path | None) -> Watch | None:
     if watch is not None or not count:
         return watch
     if out is None:
-        raise ValueError(f"recording.frames = {count}: frames need a directory, name one as `out`")
+        raise ValueError(f"recording.frames = {count}: frames need a directory, give one as `out`")
     return Watch(out / capture.FRAMES, count=count)
 
 

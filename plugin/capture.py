@@ -1,7 +1,7 @@
-"""Camera frames of watched vehicles on disk, with what was found in them and where it would lead.
+"""Camera frames of watched vehicles on disk, with detected borders, predicted path and truth.
 
-A folder a vehicle: `000000.png` and so on are its frames (every row, lossless), `marks-000000.npz` and so on
-what belongs to them, `tracks.csv` all its radar tracks of every scan, `vehicle.json` whose folder it is.
+Each vehicle has a folder: `000000.png` and so on are its frames (all rows, lossless), `marks-000000.npz` and
+so on hold what belongs to them, `tracks.csv` all its radar tracks of every scan, `vehicle.json` its id.
 """
 
 import dataclasses
@@ -29,33 +29,33 @@ from sumo_net.road_table import RoadAhead
 Array = np.ndarray[Any, Any]
 
 FRAMES, OWNER = "frames", "vehicle.json"
-_EVERY_STATION = 3  # of the stations where the road ahead is sampled; enough for a map of it
+_EVERY_STATION = 3  # every third station of the sampled road ahead; enough for a map of it
 _SLUG_LENGTH = 60
 
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """Whose frames are kept: the named vehicles, and of the others the first `count` on the road."""
+    """Vehicles whose frames are kept: the named ones, and the first `count` others on the road."""
 
-    directory: Path  # a folder a vehicle is made in it
+    directory: Path  # a folder is made in it for each vehicle
     ids: frozenset[str] = frozenset()
     count: int = 0
-    alone: bool = False  # the other equipped vehicles drive, but sense nothing: where no driver reacts to it
+    alone: bool = False  # others drive, but sense nothing; only where no driver reacts to warnings
 
 
 class Look(NamedTuple):
-    """What k vehicles see in one step, what they make of it, and what is there."""
+    """What k vehicles see in one step, their estimates, and the truth."""
 
     frame: Array  # (k, 240, 320) uint8
     path_m: Array  # (k, H, 2) predicted path: forward, left
-    border_px: Array  # (k, 2, R) columns of the left and the right marking at JUDGED_Y; NaN: not seen so far
+    border_px: Array  # (k, 2, R) columns of the left and right marking at JUDGED_Y; NaN: not seen that far
     bodies_m: Array  # (k, M, 5) truth: forward, left of the centre, heading, length, width; NaN for unused
     road_m: Array  # (k, B, J, 2) truth: forward, left of the painted lines; NaN for unused
     road_kind: Array  # (k, B, J) int8
 
 
 def look(vision: Vision, now: Moment, rows: Array) -> Look:
-    """The frames of the vehicles in `rows` (k,), drawn whole, and what belongs to them."""
+    """Full frames of the vehicles in `rows` (k,), and what belongs to them."""
     frames = new_frames(len(rows))
     scene = select(now.scene, rows)
     vision.draw(frames, select(now.vision, rows), scene)
@@ -85,7 +85,7 @@ class Capture:
         self._others = 0
 
     def arrived(self, names: dict[int, str]) -> None:
-        """New equipped vehicles, by handle. Those that are watched get their folder."""
+        """Make folders for the watched ones among new equipped vehicles, names by handle."""
         for handle, name in names.items():
             named = name in self._watch.ids
             if named or self._others < self._watch.count:
@@ -93,11 +93,11 @@ class Capture:
                 self._watched[handle] = name
 
     def watched(self, handle: Array) -> Array:
-        """(n,) bool: whose frames are kept."""
+        """(n,) bool: whether the vehicle's frames are kept."""
         return np.isin(handle, np.fromiter(self._watched, np.int64, len(self._watched)))
 
     def add(self, time_s: float, now: Moment, rear_end: RearEndScorer) -> None:
-        """Draw and keep what the watched vehicles among the n see."""
+        """Draw and keep the frames of the watched ones among the n vehicles."""
         rows = np.flatnonzero(self.watched(now.handle))
         if not len(rows):
             return
@@ -157,7 +157,7 @@ class _Film:
 
 
 def folder_name(vehicle_id: str) -> str:
-    """A name for a folder that is safe for any id: what is legible of it, and a part of its SHA-256."""
+    """A folder name that is safe for any id: its plain characters and a part of its SHA-256."""
     legible = re.sub(r"[^A-Za-z0-9_-]+", "_", vehicle_id)[:_SLUG_LENGTH]
     digest = hashlib.sha256(vehicle_id.encode("utf-8", "surrogatepass")).hexdigest()[:10]
     return f"{legible}-{digest}"
@@ -169,7 +169,7 @@ def write_owner(folder: Path, about: dict[str, Any]) -> None:
 
 
 def clear(directory: Path) -> None:
-    """Remove the frames of an earlier run; what is not of this project's making stays."""
+    """Remove the frames of an earlier run, but no files of other origin."""
     for owner in directory.glob(f"*/{OWNER}"):
         shutil.rmtree(owner.parent)
 

@@ -1,7 +1,7 @@
 """What runs in n equipped vehicles each 0.1 s: sense -> estimate -> predict -> warn, and its columns.
 
-A vehicle's chain knows nothing of another's: any part of a fleet can be worked on by itself, with the same
-numbers. The truth is here for the synthesisers, and for the columns that the estimates are judged by.
+Vehicles' chains are independent: any part of a fleet can be processed by itself, with the same results. The
+truth is used only by the synthesisers and for the columns that score the estimates.
 """
 
 from typing import Any, NamedTuple
@@ -31,7 +31,7 @@ Array = np.ndarray[Any, Any]
 
 
 class VehicleState(NamedTuple):
-    """What n vehicles carry from step to step but their tracks, (n, …) each."""
+    """State of n vehicles between steps, without their tracks; (n, …) each."""
 
     handle: Array  # int64
     own: SensorState
@@ -42,17 +42,17 @@ class VehicleState(NamedTuple):
 
 
 class ChainState(NamedTuple):
-    """What the assistance of n vehicles carries from step to step."""
+    """State of the assistance of n vehicles between steps."""
 
     vehicles: VehicleState
-    tracked: Tracked  # as many tracks as there are
+    tracked: Tracked  # of all n vehicles
 
 
 class Moment(NamedTuple):
     """One step of n vehicles, before their rows are made."""
 
     handle: Array  # (n,)
-    vision: VisionState  # with which the frames of this step were drawn
+    vision: VisionState  # that the frames of this step were drawn with
     scene: Scene
     sight: Sight
     after: VisionState
@@ -60,12 +60,12 @@ class Moment(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of a step of n vehicles."""
+    """Results of one step of n vehicles."""
 
     truth: EgoTruth
     warning: departure.DepartureWarning
     echo: Echo
-    columns: step_columns.Columns  # of the table `steps`, without the time and what judges the radar
+    columns: step_columns.Columns  # of the table `steps`, without time and radar scores
     moment: Moment
 
 
@@ -73,7 +73,7 @@ class Chain:
     """The chain with its settings; `step` once per 0.1 s. Holds no state of vehicles."""
 
     def __init__(self, configuration: Configuration, seed: int, roads: RoadNetwork, beside: bool) -> None:
-        """`beside`: the published search runs on every frame, too, for comparison."""
+        """`beside`: the published search also runs on every frame, for comparison."""
         self._vehicle = configuration.vehicle
         preview_m = configuration.camera.preview_m
         self._roads = roads
@@ -99,11 +99,11 @@ class Chain:
         return ChainState(vehicles, self._ranging.no_tracks(n))
 
     def select(self, state: ChainState, rows: Array) -> ChainState:
-        """The same for the vehicles in `rows` (k,)."""
+        """The state of the vehicles in `rows` (k,)."""
         return ChainState(select(state.vehicles, rows), self._ranging.reindex(state.tracked, rows))
 
     def join(self, *states: ChainState) -> ChainState:
-        """The vehicles of one after those of the other."""
+        """The states of several groups of vehicles, concatenated."""
         vehicles, tracked = zip(*states, strict=True)
         return ChainState(join(*vehicles), self._ranging.join(*tracked))
 

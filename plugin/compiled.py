@@ -7,6 +7,6 @@ from sumo_net.compile import is_kept
 
 
 def compiled() -> bool:
-    """Whether the largest kernel is in the cache, or there is no cache that could keep it."""
+    """Whether the largest kernel is in the cache; also True if there is no cache to keep it."""
     kernel: Any = step_kernel  # a Dispatcher
     return kernel.stats.cache_path is None or is_kept(kernel)

@@ -1,4 +1,4 @@
-"""All settings of a run: the scenario's world, and what is fitted to the equipped vehicles."""
+"""All settings of a run: the scenario, and the equipped vehicles' drivers, sensors and assistance."""
 
 import contextlib
 import dataclasses
@@ -63,11 +63,11 @@ class Configuration(Scenario):
     closing: Closing = Field(default_factory=Closing, description="range and speed of the vehicle in path")
     collision: Collision = Field(default_factory=Collision, description="the rear-end warning")
     conflicts: ConflictSettings = Field(
-        default_factory=ConflictSettings, description="which rear-end conflicts count, and their warnings"
+        default_factory=ConflictSettings, description="which rear-end conflicts count and what matches them"
     )
-    reaction: Reaction = Field(default_factory=Reaction, description="drivers that heed their warnings")
+    reaction: Reaction = Field(default_factory=Reaction, description="drivers that react to warnings")
     recording: Recording = Field(default_factory=Recording)
-    matching: Matching = Field(default_factory=Matching, description="of warnings with true crossings")
+    matching: Matching = Field(default_factory=Matching, description="of departure warnings to crossings")
 
     @property
     def hash(self) -> str:
@@ -82,7 +82,7 @@ class Configuration(Scenario):
 
     @property
     def following(self) -> Closing:
-        """How vehicles in path are followed in this run's mode: if published, by their tracks alone."""
+        """How vehicles in path are followed in this run's mode: in `paper` mode by their tracks alone."""
         return dataclasses.replace(self.closing, enabled=self.closing.enabled and self.mode != "paper")
 
     @property
@@ -106,7 +106,7 @@ def load_configuration(source: str, changes: Mapping[str, Any] | None = None) ->
 
 
 def configuration_from(mapping: Mapping[str, Any], source: str = "settings") -> Configuration:
-    """Settings from a nested mapping; `condition` may be, or hold, the name of a preset."""
+    """Settings from a nested mapping; `condition` may be a preset's name, or hold one as `preset`."""
     mapping = dict(mapping)
     condition = mapping.get("condition")
     if isinstance(condition, str):
@@ -154,7 +154,7 @@ def read_configuration(directory: Path) -> RunSettings:
     content = read_json(directory / CONFIGURATION)
     settings = content.get("settings")
     if not isinstance(settings, dict):
-        raise SettingsError(f"{directory / CONFIGURATION}: holds no settings of a run")
+        raise SettingsError(f"{directory / CONFIGURATION}: not the settings of a run")
     return RunSettings(
         configuration_from(settings, str(directory / CONFIGURATION)),
         str(content.get("run_id", "")),
@@ -170,7 +170,7 @@ def versions() -> str:
     for name in ("sumo-adas", "libsumo", "numpy", "numba", "opencv-python-headless"):
         with contextlib.suppress(metadata.PackageNotFoundError):
             parts.append(f"{name} {metadata.version(name)}")
-    return "; ".join(parts)  # no comma: the table stays without quotation marks
+    return "; ".join(parts)  # no comma, so that the CSV table needs no quotation marks
 
 
 def read_camera(path: Path) -> Camera:

@@ -14,7 +14,7 @@ _HALF_BODY_M = 0.9  # of an equipped vehicle
 def by_lane(lane, position, lanes):  # type: ignore[no-untyped-def]
     """The order (N,) of vehicles by lane (N,), -1 first, and position along it; where each lane begins in it.
 
-    The beginnings are (lanes + 1,). Equal ones stand as they come.
+    The beginnings are (lanes + 1,). The sort is stable.
     """
     begin = np.zeros(lanes + 2, np.int64)  # of lane -1, 0, 1, ...
     for k in range(len(lane)):
@@ -36,9 +36,9 @@ def by_lane(lane, position, lanes):  # type: ignore[no-untyped-def]
 def lane_leaders(rows, snapshot, count, chain, lanes, ahead, reach, out):  # type: ignore[no-untyped-def]
     """The next vehicle ahead of each of the snapshot's `rows` (n,) on its lane or those that follow.
 
-    count : of lanes. chain (n,) rows of `lanes` (C, L) int32, lane numbers in driving order from the own one
-    on, then -1, and of `ahead` (C, L) m from the own lane's beginning to theirs. Into `out` (Leaders), which
-    is empty before.
+    count : number of lanes. chain (n,) : row in `lanes` (C, L) int32, lane numbers in driving order from the
+    own one on, padded with -1, and in `ahead` (C, L), m from the own lane's beginning to theirs. Fills `out`
+    (Leaders), which must be empty before.
     """
     order, first = by_lane(snapshot.lane, snapshot.lane_position_m, count)
     place = np.empty(len(order), np.int64)
@@ -71,7 +71,7 @@ def lane_leaders(rows, snapshot, count, chain, lanes, ahead, reach, out):  # typ
 
 @kernel
 def in_view(handle, share, target, least):  # type: ignore[no-untyped-def]
-    """Whether `target` (n,), -1 for none, is among `handle` (n, M) with a share (n, M) from `least` on."""
+    """Whether `target` (n,), -1 for none, is among `handle` (n, M), its share (n, M) at least `least`."""
     out = np.zeros(len(target), np.bool_)
     for i in range(len(target)):
         for m in range(handle.shape[1]):
@@ -89,8 +89,8 @@ def _approached(leader, i, speed, closing, close):  # type: ignore[no-untyped-de
 def approaches(leader, in_path, speed, closing, close, ttc):  # type: ignore[no-untyped-def]
     """Which vehicles (A,) approach `leader` or the one `in_path` (Leaders); which (B,) are in conflict.
 
-    Approaching: faster than `closing` m/s, or nearer than `close` s at the own speed (n,). In conflict: with
-    less than `ttc` s to `leader`.
+    Approaching: closing at more than `closing` m/s, or less than `close` s behind at the own speed (n,). In
+    conflict: a time to collision with `leader` under `ttc` s.
     """
     n = len(speed)
     approached, near, a, b = np.empty(n, np.int64), np.empty(n, np.int64), 0, 0
@@ -106,10 +106,10 @@ def approaches(leader, in_path, speed, closing, close, ttc):  # type: ignore[no-
 
 @kernel
 def _far_aside(table, path, x, y, station, centre, within):  # type: ignore[no-untyped-def]
-    """Whether a point is surely more than `within` aside of the lane's centre, without looking for its foot.
+    """Whether a point is surely more than `within` beside the lane's centre, without its projection.
 
-    Seen from the path at `station`, which lies `along` off the foot: a bend of 50 m turns by along / 50 up to
-    there, which moves the point aside by along² / 100, under along / 4 + 2 where along is under 30 m.
+    Seen from the path at `station`, `along` m off the point's projection: a bend of 50 m radius turns by
+    along / 50 up to there, which shifts the point by along² / 100, under along / 4 + 2 while along < 30 m.
     """
     px, py, heading, _ = pose_at(table, path, station)
     c, n = math.cos(heading), math.sin(heading)
@@ -122,7 +122,7 @@ def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[n
     """The nearest body ahead that reaches into the lane which contains the vehicle, whatever SUMO's lane is.
 
     It must reach in by `overlap` m, or lie straight ahead of the own body within two seconds: a vehicle that
-    leaves its lane drives at what stands beside the road. Gap and closing speed are along the path. Into
+    leaves its lane may hit what stands beside the road. Gap and closing speed are along the path. Fills
     `out` (Leaders).
     """
     n, M = objects.forward_m.shape
@@ -134,7 +134,7 @@ def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[n
             if objects.handle[i, m] == -1 or forward < 0.0:
                 continue
             if forward - bumper - 0.5 * objects.length_m[i, m] >= out.gap_m[i]:
-                continue  # no nearer along the path than straight on; NaN of nobody is not greater
+                continue  # the path is no shorter than the straight line; NaN (no leader) is not greater
             x, y = truth.x_m[i] + cos * forward - sin * left, truth.y_m[i] + sin * forward + cos * left
             half = 0.5 * objects.width_m[i, m]
             straight = abs(left) <= half + _HALF_BODY_M and forward <= 2.0 * truth.speed_mps[i]

@@ -1,6 +1,6 @@
-"""Rear-end conflicts as they truly are, and what the warnings made of them: scoring, not for the driver.
+"""True rear-end conflicts and how the warnings match them: for scoring only, unknown to the assistance.
 
-Time to collision is the gap from bumper to bumper over the closing speed, as SUMO's SSM device has it.
+Time to collision is the bumper-to-bumper gap over the closing speed, as in SUMO's SSM device.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -67,7 +67,7 @@ class Leaders(NamedTuple):
 
 
 def nobody(n: int) -> Leaders:
-    """n vehicles with a free road."""
+    """n vehicles without a leader."""
     gap_m, closing_mps, ttc_s = np.full((3, n), np.nan)
     ttc_s[:] = np.inf
     return Leaders(np.full(n, NOBODY, np.int64), gap_m, closing_mps, ttc_s)
@@ -86,14 +86,14 @@ class LaneOrder:
         self._lanes = np.full((0, 1), -1, np.int32)
         self._ahead = np.zeros((0, 1))
         self._row = np.full(256, -1, np.int64)  # by handle
-        self._lane = np.full(256, -1, np.int64)  # for which the row was looked up
+        self._lane = np.full(256, -1, np.int64)  # that the row was looked up for
 
     def leaders(self, snapshot: Snapshot, handle: Array, reach_m: float = 200.0) -> Leaders:
         """Leaders of the vehicles `handle` (n,), all of them in the snapshot."""
         out = nobody(len(handle))
         if not len(handle):
             return out
-        if len(self._chains) > _REMEMBERED_CHAINS:  # every vehicle may have a route of its own
+        if len(self._chains) > _REMEMBERED_CHAINS:  # bounded: every vehicle may have a route of its own
             self._forget_chains()
         rows = np.searchsorted(snapshot.handle, handle)
         while len(self._row) <= handle.max():
@@ -155,7 +155,7 @@ class Conflict:
 
     @property
     def decisive_s(self) -> float:
-        """When a warning must have been on."""
+        """Time by which a warning must have been on: `critical_s`, or else that of the least TTC."""
         return self.worst_s if self.critical_s is None else self.critical_s
 
 
@@ -173,7 +173,7 @@ class CollisionWarning:
 
 @dataclass(slots=True)
 class ConflictBook:
-    """Collects conflicts and rear-end warnings step by step, and says which belong together."""
+    """Collects conflicts and rear-end warnings step by step, and matches them."""
 
     settings: ConflictSettings = field(default_factory=ConflictSettings)
     _open: dict[tuple[int, int], Conflict] = field(default_factory=dict)
@@ -181,8 +181,8 @@ class ConflictBook:
     _on: dict[tuple[int, int], CollisionWarning] = field(default_factory=dict)
     _ended: list[CollisionWarning] = field(default_factory=list)
     _archive: list[Conflict | CollisionWarning] = field(default_factory=list)
-    _seen: dict[int, tuple[int, float]] = field(default_factory=dict)  # leader and since when in view
-    _approached: dict[int, float] = field(default_factory=dict)  # when somebody was last approached
+    _seen: dict[int, tuple[int, float]] = field(default_factory=dict)  # leader, in view since
+    _approached: dict[int, float] = field(default_factory=dict)  # time of the last approach
 
     def add(
         self,
@@ -197,8 +197,8 @@ class ConflictBook:
     ) -> None:
         """One step of n vehicles.
 
-        leader : on SUMO's lanes, which decides on conflicts; in_path : by place, which also excuses warnings.
-        visible (n,) : handle of the leader is in the radar's view (`in_view`); level (n,) 0, 1, 2 of the
+        leader : on SUMO's lanes, defines conflicts; in_path : by position, may also justify warnings.
+        visible (n,) : the leader is in the radar's view (`in_view`); level (n,) 0, 1, 2 of the
         warning that is on; warned_ttc_s (n,) the estimated time to collision of its target.
         """
         s = self.settings
@@ -228,7 +228,7 @@ class ConflictBook:
     def settle(
         self, until_s: float, final: bool = False
     ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        """Rows (conflicts, warnings) of all that is decided by `until_s`; the rest is kept."""
+        """Rows (conflicts, warnings) of all that can be matched by `until_s`; the rest is kept."""
         s = self.settings
         if final:
             self._done += self._open.values()

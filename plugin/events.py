@@ -1,4 +1,4 @@
-"""Departures and warnings as events, matched against each other (ISO 17361's placement zone from memory)."""
+"""Departures and warnings as events, and their matching (ISO 17361's placement zone, from memory)."""
 
 from collections import defaultdict
 from collections.abc import Iterable
@@ -85,7 +85,7 @@ class EventBook:
     warnings: list[LaneWarning] = field(default_factory=list)
 
     def settle(self, until_s: float, final: bool) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
-        """Rows (departures, warnings) of all events that are decided by `until_s`; the rest is kept."""
+        """Rows (departures, warnings) of all events that can be matched by `until_s`; the rest is kept."""
         by_vehicle: dict[tuple[int, int], list[LaneWarning]] = defaultdict(list)
         for warning in self.warnings:
             by_vehicle[warning.handle, warning.side].append(warning)

@@ -16,23 +16,23 @@ from sumo_net.snapshot import Snapshot
 Array = np.ndarray[Any, Any]
 J = TypeVar("J")
 
-UNEVEN = 1 / 64  # of the fleet, or a handful of vehicles: parts that differ by more are made anew
+UNEVEN = 1 / 64  # of the fleet, at least HANDFUL vehicles: if parts differ by more, the fleet is split anew
 HANDFUL = 4
-LEAST_PART = 16  # vehicles in the hands of a thread: what its calls cost is spread over them
+LEAST_PART = 16  # vehicles per thread, which share the cost of its calls
 
 
 class Part(NamedTuple):
-    """Who is in a part of the fleet, and the rows of states that they come from."""
+    """The vehicles of a part of the fleet, and the rows of the states that they come from."""
 
     handle: Array  # (n,) ascending
     sources: list[tuple[ChainState, Array]]
 
 
 class Fleet:
-    """The equipped vehicles, in the order of their handles, in as many parts as threads are worth having."""
+    """The equipped vehicles in the order of their handles, in one part for each thread that pays."""
 
     def __init__(self, chain: Chain, name: Callable[[int], str], threads: int | None = None) -> None:
-        """`name`: id of a vehicle by handle. `threads`: default one for each processor."""
+        """`name`: id of a vehicle by handle. `threads`: by default one for each processor."""
         self._chain, self._name = chain, name
         self._threads = threads or os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
@@ -40,11 +40,11 @@ class Fleet:
 
     @property
     def handle(self) -> Array:
-        """(n,) of the vehicles in it."""
+        """(n,) handles of its vehicles."""
         return np.concatenate([part.handle for part in self._parts])
 
     def follow(self, handle: Array) -> None:
-        """From now on it consists of these vehicles, (n,) ascending."""
+        """Let the fleet consist of the vehicles `handle` (n,), ascending, from now on."""
         have = self.handle
         if np.array_equal(have, handle):
             return
@@ -56,13 +56,13 @@ class Fleet:
         sizes = np.diff(cuts, prepend=0, append=len(handle))
         uneven = max(HANDFUL, len(handle) * UNEVEN)
         if len(sizes) != count or sizes.max() - sizes.min() > uneven:
-            # who comes is in the last part: it begins smaller
+            # new vehicles join the last part, so it begins smaller
             share = (len(handle) + uneven / 2.0) / count
             cuts = np.array([int(share * part) for part in range(1, count)], np.int64)
         self._parts = [_taken(some, states) for some in np.split(handle, cuts)]
 
     def state(self, part: Part) -> ChainState:
-        """What the vehicles of a part carry along, in the order of their handles."""
+        """State of the vehicles of a part, in the order of their handles."""
         taken = [
             state if len(rows) == len(state.vehicles.handle) else self._chain.select(state, rows)
             for state, rows in part.sources
@@ -79,9 +79,9 @@ class Fleet:
         snapshot: Snapshot,
         judge: Callable[[slice, Outcome], J],
     ) -> Callable[[], list[tuple[Outcome, J]]]:
-        """Begin a step of its n > 0 vehicles; what it gives waits for what came of it, part by part.
+        """Begin a step of the n > 0 vehicles; the function returned waits for the results, part by part.
 
-        `judge` is given the vehicles of a part and what came of it, by the thread that has worked on it.
+        `judge` is called with the rows of a part and its outcome, in the thread that has processed it.
         """
 
         def work(part: Part, rows: slice) -> tuple[ChainState, Outcome, J]:
@@ -112,7 +112,7 @@ def _whole(state: ChainState) -> Part:
 
 
 def _taken(handle: Array, states: list[ChainState]) -> Part:
-    """The vehicles `handle` from wherever they are."""
+    """A part of the vehicles `handle`, found in `states`."""
     sources = [
         (state, np.flatnonzero(np.isin(state.vehicles.handle, handle, assume_unique=True)))
         for state in states

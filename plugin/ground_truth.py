@@ -1,4 +1,4 @@
-"""What the estimates of a step are compared with: the truth as the own chain would have it, and baselines."""
+"""What the estimates of a step are compared with: the truth in the chain's terms, and baselines."""
 
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ class Reference(NamedTuple):
     """What the estimates of n vehicles are compared with."""
 
     points: Array  # (4, n, 4, 3) forward, left, heading at HORIZONS_S of the paths PREDICTORS
-    tlc_s: Array  # (3, n) by the paths but the vehicle's own
+    tlc_s: Array  # (3, n) by the paths other than the vehicle's own
     curvature_1pm: Array  # (n,) of the path at the preview point; NaN where it ends before
     drift_mps: Array  # (n,) lateral speed in the lane, left positive
     margin_left_m: Array  # (n,) from the front wheel's outer edge to the border, positive inside;
@@ -30,7 +30,7 @@ class Judge:
     """Makes the reference of each step."""
 
     def __init__(self, vehicle: Vehicle, preview_m: float, predictor: Predictor) -> None:
-        """preview_m: the camera's D_L, to which the true change of curvature is meant."""
+        """preview_m: the camera's D_L, up to which the true change of curvature is taken."""
         self._front_axle_m, self._preview_m, self._predictor = vehicle.front_axle_m, preview_m, predictor
         later = min(max(int(np.searchsorted(AHEAD_M, preview_m)), 1), len(AHEAD_M) - 1)
         before, after = AHEAD_M[later - 1], AHEAD_M[later]
@@ -47,9 +47,9 @@ class Judge:
         path: Trajectory,
         half_span_m: Array,
     ) -> Reference:
-        """For n vehicles whose observer says `motion`, and who predict `path`.
+        """For n vehicles whose observer estimates `motion` and whose predicted path is `path`.
 
-        curvature_1pm (n, J) : of the road at AHEAD_M; speed_mps (n,) : as the vehicles read it.
+        curvature_1pm (n, J) : of the road at AHEAD_M; speed_mps (n,) : as the vehicles measure it.
         """
         n = len(speed_mps)
         tlc = np.empty((len(PREDICTORS) - 1, n))

@@ -24,7 +24,7 @@ def _points(path, horizon, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _true_motion(truth, rate):  # type: ignore[no-untyped-def]
-    """The state that an errorless observer would hand on; rate (n,) is the change of curvature."""
+    """The estimate of an observer without error; rate (n,) is the change of curvature."""
     n = len(rate)
     return MotionEstimate(
         truth.lateral_speed_mps,
@@ -43,7 +43,7 @@ def _true_motion(truth, rate):  # type: ignore[no-untyped-def]
 
 @kernel
 def _judge(k, way, motion, half_span, front_axle, step, horizon, cross, out):  # type: ignore[no-untyped-def]
-    """Points of the path `way` to out.points[k + 1] and its time to lane crossing to out.tlc_s[k]."""
+    """Write points of the path `way` to out.points[k + 1], its time to lane crossing to out.tlc_s[k]."""
     crossing(motion, way, front_axle, half_span, step, cross)
     copy_vector(cross.tlc_s, out.tlc_s[k])
     _points(way, horizon, out.points[k + 1])
@@ -53,8 +53,8 @@ def _judge(k, way, motion, half_span, front_axle, step, horizon, cross, out):  #
 def compare(truth, curvature, motion, speed, path, half_span, q, front_axle, preview, at, horizon, out):  # type: ignore[no-untyped-def]
     """Fill Reference `out` of n vehicles; see ground_truth.Judge.reference.
 
-    curvature (n, J) : of the road at AHEAD_M. preview : m; at : which of AHEAD_M comes after it, and how much
-    of the way to it from the one before. q : the Predictor. horizon (4,) : points of a path.
+    curvature (n, J) : of the road at AHEAD_M. preview : m; at : index of the next of AHEAD_M, and how far
+    it is along the way from the one before. q : the Predictor. horizon (4,) : points of a path.
     """
     n, (later, share) = len(speed), at
     rate = np.empty(n)

@@ -1,4 +1,4 @@
-"""The vehicle's own sensors in the chain: what they read, and what of it the estimators are given."""
+"""The vehicle's own sensors in the chain: their readings, and those that the estimators use."""
 
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ class OwnMotion(NamedTuple):
     """What n vehicles know of their own motion without camera and radar, (n,) each."""
 
     readings: Readings
-    observed: OwnReadings  # for the observer: NaN where the camera is all that it has
+    observed: OwnReadings  # for the observer: NaN where it uses the camera alone
 
 
 class OwnSensors:
@@ -32,7 +32,7 @@ class OwnSensors:
         return sensors.init(self._sensors, self._seed, vehicle_ids)
 
     def step(self, state: SensorState, truth: EgoTruth) -> tuple[SensorState, OwnMotion]:
-        """Read, for n vehicles."""
+        """Readings of n vehicles."""
         after, readings = sensors.read(
             self._sensors,
             state,
@@ -46,11 +46,11 @@ class OwnSensors:
         return after, OwnMotion(readings, OwnReadings(yaw_rate, steer))
 
     def turning(self, own: OwnMotion, state: observer.State) -> Array:
-        """The gyroscope's yaw rate (n,) less what was known of its offset in the step before; NaN without."""
+        """The gyroscope's yaw rate (n,) minus its offset as last estimated; NaN without a gyroscope."""
         return own.observed.yaw_rate_rps - observer.gyroscope_offset(state)
 
     def for_radar(self, own: OwnMotion, state: observer.State, motion: MotionEstimate) -> Readings:
-        """The readings with the best yaw rate there is; as they are where the sensors make no error."""
+        """The readings with the best available yaw rate; unchanged where the sensors have no error."""
         if not self._sensors.used:
             return own.readings
         return own.readings._replace(yaw_rate_rps=observer.yaw_rate(state, motion, own.readings.yaw_rate_rps))

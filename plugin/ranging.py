@@ -1,4 +1,4 @@
-"""The radar chain of a fleet: what each vehicle's radar reports, its tracks, and the rear-end warning."""
+"""The radar chain of a fleet: detections, tracks, and the rear-end warning."""
 
 import dataclasses
 from typing import Any, NamedTuple
@@ -31,12 +31,12 @@ from sumo_net.surroundings import Objects
 Array = np.ndarray[Any, Any]
 
 STEP_S = 0.1
-_LATELY_S = 0.25  # those just passed coast into the lane
-_MOVING_MPS = 5.0  # a track too young for a class
+_LATELY_S = 0.25  # longer unseen: a vehicle just passed would coast into the lane
+_MOVING_MPS = 5.0  # a track without a class yet is taken for a vehicle above this speed
 
 
 class RangingState(NamedTuple):
-    """What n vehicles' radars and warnings carry from scan to scan, (n, …) each."""
+    """State of n vehicles' radars and warnings between scans, (n, …) each."""
 
     radar_key: Array  # uint64
     scan: Array  # int64, number of the scan
@@ -44,14 +44,14 @@ class RangingState(NamedTuple):
 
 
 class Tracked(NamedTuple):
-    """What the fleet's tracks carry from scan to scan."""
+    """State of the fleet's tracks between scans."""
 
     tracker: TrackerState
     leaders: ClosingState
 
 
 class Echo(NamedTuple):
-    """What came of one scan of n vehicles."""
+    """Results of one scan of n vehicles."""
 
     tracks: TrackList  # T tracks of the fleet, x and y from the centre of gravity
     in_path: InPath  # (T,)
@@ -61,7 +61,7 @@ class Echo(NamedTuple):
     objects: Objects  # truth from here on: bodies that reach into the field of view, (n, M)
     seen: Sightings  # (n, M)
     behind: ScanTruth  # (n, D)
-    place: tuple[Array, Array]  # row and column in `behind` of each detection that the tracks were given
+    place: tuple[Array, Array]  # row and column in `behind` of each detection given to the tracker
 
 
 class Ranging:
@@ -98,7 +98,7 @@ class Ranging:
         )
 
     def join(self, *tracked: Tracked) -> Tracked:
-        """The tracks of one fleet after those of the other, whose vehicles follow its own."""
+        """Tracks of several fleets as one, their vehicles in the order given."""
         before, leaders = 0, []
         for part in tracked:
             leaders.append(part.leaders._replace(owner=part.leaders.owner + before))
@@ -117,8 +117,8 @@ class Ranging:
     ) -> tuple[RangingState, Tracked, Echo]:
         """Scan, track and warn, for n > 0 vehicles.
 
-        `motion` is what the observer says, `readings` are the vehicle's own sensors', `rear` is what the
-        camera saw of the target. The truth is for the radar's synthesiser alone.
+        `motion` is the observer's estimate, `readings` are those of the vehicle's own sensors, `rear` is what
+        the camera saw of the target. The truth is for the radar synthesiser alone.
         """
         objects = objects_in_view(self._radar, truth, snapshot, self._roadside)
         own = OwnMotion(truth.speed_mps, truth.lateral_speed_mps, truth.yaw_rate_rps)
@@ -131,7 +131,7 @@ class Ranging:
             flat.azimuth_rad,
             np.full(len(flat.owner), -1, np.int64),
         )
-        # the vehicle's own sensors give all but v_y, which the observer knows
+        # the vehicle's own sensors measure all but v_y, which the observer estimates
         ego = EgoMotion(
             readings.speed_mps,
             readings.acceleration_mps2,
@@ -168,7 +168,7 @@ class Ranging:
     def _next_rears(
         self, tracks: TrackList, warning: CollisionWarning, ego: EgoMotion, rear: RearView
     ) -> Watched:
-        """The targets' rears where they will be in the next frame."""
+        """The targets' rears at their places in the next frame."""
         x, y, next_x, next_y = kernels.rears(
             tracks.estimate, warning.row, ego.speed_mps, ego.yaw_rate_rps, STEP_S
         )
@@ -177,9 +177,9 @@ class Ranging:
 
 
 def bodies_ahead(tracks: TrackList, unseen_s: Array, speed_mps: Array, yaw_rate_rps: Array) -> Bodies:
-    """The vehicles among the tracks where they will be in the next step, for the camera.
+    """The vehicles among the tracks at their places in the next step, for the camera.
 
-    What was never seen moving is left out: posts and rails stand beside the road and hide none of it.
+    Bodies that were never seen moving are left out: posts and rails beside the road hide none of it.
     """
     found = kernels.bodies(tracks, unseen_s, speed_mps, yaw_rate_rps, STEP_S, _LATELY_S, _MOVING_MPS)
     return Bodies(*found)

@@ -1,4 +1,4 @@
-"""Kernels of the radar chain's ends: where tracks will be in the next step, for the camera."""
+"""Kernels for what the camera takes from the radar: where tracks will be in the next step."""
 
 import math
 
@@ -8,7 +8,7 @@ from plugin.tracking.classification_kernels import STATIONARY, UNCLASSIFIED
 from sumo_net.compile import kernel
 
 VELOCITY_STD_MPS = 0.5  # of a track, across
-MOST_ASKEW_RAD = 0.2  # that a body stands askew on the road
+MOST_ASKEW_RAD = 0.2  # largest angle between a body and the road
 CROSSING_RAD = 0.5
 
 
@@ -21,10 +21,10 @@ def _next_place(e, t, speed, turn, step):  # type: ignore[no-untyped-def]
 
 @kernel
 def bodies(tracks, unseen, speed, yaw_rate, step, lately, moving):  # type: ignore[no-untyped-def]
-    """Owner (B,), next place x and y, course and its deviation, (B,) each, of the vehicles among the tracks.
+    """Owner, next x and y, axis and its standard deviation, (B,) each, of the vehicles among the tracks.
 
-    tracks: TrackList. Those are confirmed, not unseen (T,) for longer than `lately` s, and not standing or,
-    where there is no class yet, faster than `moving`. speed, yaw_rate (n,) of the vehicles.
+    tracks: TrackList. Vehicles are tracks that are confirmed, not unseen (T,) for longer than `lately` s, and
+    not stationary or, without a class yet, faster than `moving`. speed, yaw_rate (n,) of the own vehicles.
     """
     count, e = len(tracks.owner), tracks.estimate
     owner, x, y, used = np.empty(count, np.int64), np.empty(count), np.empty(count), 0
@@ -45,9 +45,9 @@ def bodies(tracks, unseen, speed, yaw_rate, step, lately, moving):  # type: igno
 
 @kernel
 def axis_of(vx, vy):  # type: ignore[no-untyped-def]
-    """(direction of a body's axis from the own one, its standard deviation) by its velocity over ground.
+    """(angle of a body's axis from the own one, its standard deviation) from its velocity over ground.
 
-    Of a slow body, or one that crosses, only that bodies stand along the road.
+    For a slow or crossing body it is only known that bodies stand along the road.
     """
     pace, course = math.hypot(vx, vy), math.atan(vy / vx)
     if pace * MOST_ASKEW_RAD < VELOCITY_STD_MPS or not abs(course) < CROSSING_RAD:

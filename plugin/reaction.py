@@ -1,4 +1,4 @@
-"""Drivers that react to their warnings, to see what the warnings are good for."""
+"""Drivers that react to their warnings, to measure the benefit of the warnings."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,7 +16,7 @@ _REMEMBERED = 10_000  # drivers
 
 @settings
 class Reaction:
-    """Who reacts. The time that it takes is the driver's own: `driver.reaction_mean_s`, `rear_end_s`."""
+    """Whether drivers react. Reaction times: `driver.reaction_mean_s` (lane departure), `rear_end_s`."""
 
     on: bool = Field(
         False, description="drivers react to warnings; false: warnings change nothing in the traffic"
@@ -31,14 +31,14 @@ class Reaction:
 
 
 class Listeners:
-    """Which of the warned vehicles' drivers listen; fixed by the seed and the vehicle's id."""
+    """Which drivers react to their warnings; fixed by the seed and the vehicle's id."""
 
     def __init__(self, options: Reaction, seed: int, name: Callable[[int], str]) -> None:
         self._options, self._seed, self._name = options, seed, name
         self._listens: dict[int, bool] = {}
 
     def of(self, handle: Array, warned: Array) -> Array:
-        """Handles of the warned (n,) vehicles whose drivers listen."""
+        """Handles of the vehicles `warned` (n,) whose drivers react; none while `on` is false."""
         if not self._options.on:
             return np.zeros(0, np.int64)
         return np.array([one for one in handle[warned].tolist() if self._one(one)], np.int64)
@@ -46,7 +46,7 @@ class Listeners:
     def _one(self, handle: int) -> bool:
         if handle not in self._listens:
             if len(self._listens) >= _REMEMBERED:
-                self._listens.clear()  # they are drawn again, the same
+                self._listens.clear()  # drawing again gives the same values
             key = stream_key(self._seed, self._name(handle), "compliance")
             self._listens[handle] = bool(uniform(key, 0) < self._options.compliance)
         return self._listens[handle]

@@ -1,4 +1,4 @@
-"""Rear-end warnings and radar tracks against truth."""
+"""Rear-end warnings and radar tracks scored against truth."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -24,17 +24,17 @@ LABELS = {"fcw_state": CODES, "fcw_buzzer": BUZZER}
 
 
 class Judged(NamedTuple):
-    """What is true of one scan of a part of the fleet, n vehicles."""
+    """The truth of one scan of a part of the fleet, n vehicles."""
 
-    by_place: Leaders  # by where they are
-    visible: Array  # (n,) bool: SUMO has the same leaders, and the radar could see them
+    by_place: Leaders  # leaders by position, not by SUMO's lane
+    visible: Array  # (n,) bool: the leader on SUMO's lane is the same, and in the radar's view
     followed: Followed
     tracks: Step
-    rows: Rows | None  # of `tracks`, where it is recorded
+    rows: Rows | None  # of `tracks`, if that is recorded
 
 
 class RearEndScorer:
-    """Scores what the radar chain made of each step and hands the rows to the recorder."""
+    """Scores the radar chain's results of each step and hands the rows to the recorder."""
 
     def __init__(
         self, recorder: Recorder, traffic: Traffic, roads: RoadNetwork, configuration: Configuration
@@ -46,7 +46,7 @@ class RearEndScorer:
         self._order = LaneOrder(roads.graph, traffic.lane_ids, traffic.route_ahead)
         self._book = ConflictBook(configuration.conflicts)
         self._tracks = TrackTruth(configuration.tracker.classes)
-        self._pending: list[tuple[float, Rows]] = []  # of `tracks`, and when
+        self._pending: list[tuple[float, Rows]] = []  # time and rows of `tracks`
         self._recording = configuration.recording
         self._scans = 0
         self._latest: tuple[float, list[Step]] = np.nan, []
@@ -54,14 +54,13 @@ class RearEndScorer:
         self.warnings = 0  # of the reminder level
 
     def leaders(self, snapshot: Snapshot, handle: Array) -> Leaders:
-        """Who drives ahead of n vehicles on SUMO's lanes."""
+        """The leaders of n vehicles on SUMO's lanes."""
         return self._order.leaders(snapshot, handle, self._reach_m)
 
     def judge(self, truth: EgoTruth, echo: Echo, leader: Array) -> Judged:
-        """What is true of a part of the fleet, with the handles (n,) of its leaders on SUMO's lanes.
+        """The truth for a part of the fleet, with the handles (n,) of its leaders on SUMO's lanes.
 
-        Parts may be judged at the same time. A neighbour that the vehicle turns towards is not yet in its
-        path.
+        Parts may be judged concurrently. A neighbour that the vehicle turns towards is not yet in its path.
         """
         by_place = path_leaders(truth, echo.objects, self._roads.table, self._bumper_m, self._overlap_m)
         visible = in_view(echo.objects, echo.seen.share, leader) & (by_place.handle == leader)
@@ -112,14 +111,14 @@ class RearEndScorer:
         return table([time], [step.of(own)], self._traffic.names)
 
     def write_tracks(self) -> None:
-        """Write the tracks so far, when the recorder comes to it."""
+        """Hand the tracks so far to the recorder, which may write them later."""
         if self._pending:
             times, steps = zip(*self._pending, strict=True)
             self._pending, names = [], dict(self._traffic.names)
             self._recorder.later(lambda: self._recorder.append("tracks", table(times, steps, names)))
 
     def settle(self, until_s: float, final: bool = False) -> None:
-        """Write the tracks so far, and the conflicts and warnings that are decided by `until_s`."""
+        """Write the tracks so far, and the conflicts and warnings that can be matched by `until_s`."""
         self.write_tracks()
         conflicts, warnings = self._book.settle(until_s, final)
         self.conflicts += len(conflicts)

@@ -6,12 +6,12 @@ from sumo_net.compile import kernel
 
 ROWS = 50  # judged rows: y = 1, 4, 7, … 148, where the published search lays its blocks
 ROW_STEP = 3
-_LEAST_ROWS = 3  # of a border in the image, to judge by
+_LEAST_ROWS = 3  # with the marking in view; fewer give no verdict
 
 
 @kernel
 def judge(column, painted, found, tolerance_px, share, verdict):  # type: ignore[no-untyped-def]
-    """verdict (n,) int8: 1 recognised, 0 not, -1 nothing to judge by.
+    """verdict (n,) int8: 1 recognised, 0 not, -1 too few rows to judge.
 
     column, painted (n, 2, rows): true borders at y = 0, 1, 2, … (camera_synth.truth). found (n, 2, ROWS): the
     columns found at the judged rows, NaN for none. Recognised: both borders within tolerance_px / cosθ, θ the

@@ -44,12 +44,12 @@ class Recording:
 
 FORMATS = ("csv", "parquet")
 GROUP_ROWS = 100_000  # of Parquet, in a finished file
-MOST_WAITING = 8  # pieces of work aside: what comes more waits, so that memory stays flat
+MOST_WAITING = 8  # jobs of the writing thread; more would let memory grow, so the caller waits
 _ARROW = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": pa.string()}
 
 
 class Recorder:
-    """Collects the chunks of every table and writes them as they come, so that memory stays flat.
+    """Writes chunks of every table as they come, so that memory stays flat.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Recorder:
     directory : where the files go; None keeps the tables in memory.
     formats : one of "csv", "parquet", or both. Raises ValueError for any other, or none.
     tables : the schema, by default that of `plugin.schema`.
-    aside : write in a thread of its own; most of that does not hold the GIL. `flush` waits for it.
+    aside : write in a separate thread, most of the time without the GIL. `flush` waits for it.
     """
 
     def __init__(
@@ -75,14 +75,14 @@ class Recorder:
         self._schema = tables
         self._memory: dict[str, list[pa.Table]] = {name: [] for name in tables}
         self._writers: dict[str, list[_CsvFile | _ParquetFile]] = {name: [] for name in tables}
-        self._aside = 0  # that thread
+        self._aside = 0  # identifier of the writing thread
         self._thread = ThreadPoolExecutor(1, "tables", self._begin) if aside else None
         self._waiting: deque[Future[None]] = deque()
         if directory is not None:
             directory.mkdir(parents=True, exist_ok=True)
             for name, columns in tables.items():
                 schema = arrow_schema(columns)
-                for suffix in FORMATS:  # of an earlier run
+                for suffix in FORMATS:  # files of an earlier run
                     (directory / f"{name}.{suffix}").unlink(missing_ok=True)
                 shutil.rmtree(_parts(directory / f"{name}.parquet"), ignore_errors=True)
                 if "csv" in formats:
@@ -99,7 +99,7 @@ class Recorder:
         """Add rows to table `name`; `columns` maps column names to equally long arrays.
 
         A column that is missing is left empty. NaN in a float column is written as empty. The arrays must not
-        change afterwards. Raises OSError as `flush` does; aside, also for rows appended earlier.
+        change afterwards. Raises OSError as `flush` does; with `aside`, also for rows appended earlier.
         """
         unknown = set(columns) - {column.name for column in self._schema[name]}
         if unknown:
@@ -107,7 +107,7 @@ class Recorder:
         self.later(partial(self._write, name, columns))
 
     def later(self, work: Callable[[], None]) -> None:
-        """Do work that appends rows: aside, after what was appended before; otherwise now.
+        """Do work that appends rows: with `aside`, after what was appended before; otherwise at once.
 
         Raises OSError as `flush` does.
         """
@@ -126,12 +126,12 @@ class Recorder:
             return
         if self.directory is None:
             self._memory[name].append(table)
-        with contextlib.ExitStack() as every:  # also when one of them fails: the others have no gap
+        with contextlib.ExitStack() as every:  # all are called even if one raises: no file gets a gap
             for writer in self._writers[name]:
                 every.callback(writer.write, table)
 
     def flush(self, waiting: int = 0) -> None:
-        """Wait until all but `waiting` pieces of work are done; raise what has failed so far.
+        """Wait until at most `waiting` jobs are left; raise the first error so far.
 
         Raises OSError, which names the file and says why.
         """
@@ -148,17 +148,17 @@ class Recorder:
 
     def close(self) -> None:
         """Finish the files; safe to call twice."""
-        with contextlib.ExitStack() as every:  # also when one of them fails
+        with contextlib.ExitStack() as every:  # all are called even if one raises
             for writers in self._writers.values():
                 for writer in writers:
                     every.callback(writer.close)
             if self._thread is not None:
                 every.callback(self._thread.shutdown)
-            every.callback(self.flush)  # the last is called first
+            every.callback(self.flush)  # registered last, so called first
 
 
 def read_table(directory: Path | str, name: str) -> pd.DataFrame:
-    """One table of a finished, interrupted or killed run; a row that was cut short is left out.
+    """One table of a finished, interrupted or killed run, without an incomplete last row.
 
     Raises FileNotFoundError where the directory holds none.
     """
@@ -188,7 +188,7 @@ def _read_csv(csv: Path, schema: pa.Schema) -> pa.Table:
             return schema.empty_table()
         options = pa.csv.ConvertOptions(
             column_types={field.name: field.type for field in schema},
-            null_values=[""],  # Arrow's own list has names that a vehicle may bear: NaN, null, NA
+            null_values=[""],  # Arrow's default list contains possible vehicle ids: NaN, null, NA
             strings_can_be_null=True,
         )
         return pa.csv.read_csv(pa.BufferReader(rows.slice(0, whole)), convert_options=options)
@@ -210,7 +210,7 @@ def _known(formats: Iterable[str] | str) -> tuple[str, ...]:
 
 
 class _CsvFile:
-    """Rows are written at once or, where that fails, not at all."""
+    """CSV file; a chunk of rows is written completely or, if that fails, not at all."""
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self._path, self._failed = path, False
@@ -218,7 +218,7 @@ class _CsvFile:
         self._put((",".join(schema.names) + "\n").encode())
 
     def write(self, table: pa.Table) -> None:
-        if self._failed:  # the rows before are whole; a gap would be worse than an end
+        if self._failed:  # earlier rows are complete; better to stop than to leave a gap
             return
         try:
             rows = _csv_rows(table, "none")
@@ -244,9 +244,9 @@ class _CsvFile:
 
 
 class _ParquetFile:
-    """Rows go into whole files in `NAME.parquet.parts`, which become `NAME.parquet` at the end.
+    """Rows go into complete files in `NAME.parquet.parts`, which are merged to `NAME.parquet` at the end.
 
-    A Parquet file cannot be read before its footer is written: a killed run leaves its parts.
+    A Parquet file is unreadable before its footer is written; a killed run leaves readable parts.
     """
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
@@ -303,7 +303,7 @@ def _parts(path: Path) -> Path:
 
 def _named(error: OSError, path: Path) -> OSError:
     reason = os.strerror(error.errno) if error.errno else str(error)
-    return OSError(error.errno or 0, f"cannot be written ({reason}); the rows before are whole", str(path))
+    return OSError(error.errno or 0, f"cannot be written ({reason}); earlier rows are complete", str(path))
 
 
 def _csv_rows(table: pa.Table, quoting_style: str) -> bytes:
@@ -313,7 +313,7 @@ def _csv_rows(table: pa.Table, quoting_style: str) -> bytes:
 
 
 def to_table(run_id: str, columns: tuple[Column, ...], values: Mapping[str, Any]) -> pa.Table:
-    """Rows as Arrow has them, from equally long arrays by column; those that are missing are empty."""
+    """An Arrow table from equally long arrays by column; missing columns are null."""
     rows = len(next(iter(values.values())))
     arrays = []
     for column in columns:

@@ -1,4 +1,4 @@
-"""Kernel of the tables' numbers: rounded, and where there is none."""
+"""Kernel that rounds the tables' numbers and marks missing ones."""
 
 import math
 
@@ -9,9 +9,9 @@ from sumo_net.compile import kernel
 
 @kernel
 def rounded(values, scale):  # type: ignore[no-untyped-def]
-    """values (N,) to whole parts of 1 / scale, no "-0" among them; where they are finite; how many are not.
+    """values (N,) rounded to multiples of 1 / scale, without "-0"; which are finite; how many are not.
 
-    The second is Arrow's: a bit a value, (⌈N/8⌉,) uint8, the first in the lowest bit.
+    The second is Arrow's validity bitmap, (⌈N/8⌉,) uint8: one bit a value, the first in the lowest bit.
     """
     out, known = np.empty(len(values)), np.zeros((len(values) + 7) // 8, np.uint8)
     for i in range(len(values)):

@@ -1,6 +1,6 @@
 """The tables' columns: names with units, types, decimals written, and what they mean.
 
-Later columns may be added; those that stand keep name and meaning. Empty means not applicable, never 0.
+Columns may be added; existing ones keep name and meaning. Empty means not applicable, never 0.
 """
 
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""The columns of the table `steps` that a step knows, (n,) each, from what its parts give; text as codes."""
+"""The columns of the table `steps` that are known in the step itself, (n,) each; text as codes."""
 
 from typing import Any
 
@@ -16,24 +16,24 @@ from sumo_net.snapshot import Snapshot
 Array = np.ndarray[Any, Any]
 Columns = dict[str, Any]
 
-_SIDE_CODES = np.array([-1, 0, 1])  # of no side, the left (+1) and, counted from the end, the right (-1)
+_SIDE_CODES = np.array([-1, 0, 1])  # indexed by side: 0 none, 1 left, -1 (the last) right
 
 
 def join(*parts: Columns) -> Columns:
-    """Those of one part of the fleet after those of the other."""
+    """The columns of the fleet from those of its parts."""
     if len(parts) == 1:
         return parts[0]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def of_time(step: int, time_s: float, handle: Array) -> Columns:
-    """Whose rows these are, and of when."""
+    """Vehicle, step and time."""
     n = len(handle)
     return {"handle": handle, "step": np.full(n, step), "time_s": np.full(n, time_s)}
 
 
 def of_truth(truth: EgoTruth, snapshot: Snapshot) -> Columns:
-    """Place and motion as they truly are."""
+    """True position and motion."""
     return {
         "lane_id": snapshot.lane[np.searchsorted(snapshot.handle, truth.handle)],
         "speed_mps": truth.speed_mps,
@@ -54,7 +54,7 @@ def of_truth(truth: EgoTruth, snapshot: Snapshot) -> Columns:
 
 
 def of_sight(sight: Sight) -> Columns:
-    """What the camera chain found."""
+    """Results of the camera chain."""
     lane, borders = sight.lane, sight.borders
     return {
         "lane_locked": lane.locked,
@@ -75,7 +75,7 @@ def of_sight(sight: Sight) -> Columns:
 
 
 def of_motion(motion: MotionEstimate) -> Columns:
-    """What the observer made of it."""
+    """The observer's estimates."""
     return {
         "lateral_speed_mps": motion.lateral_speed_mps,
         "yaw_rate_rps": motion.yaw_rate_rps,

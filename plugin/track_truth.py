@@ -1,4 +1,4 @@
-"""What truly is behind each radar track: the rows of the table `tracks`. Scoring, not for the driver."""
+"""The true body behind each radar track, and the rows of the table `tracks`. For scoring only."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -41,14 +41,14 @@ CODES = (
 
 
 class Rows(NamedTuple):
-    """K rows of the table `tracks`, without time; in place of text there are codes."""
+    """K rows of the table `tracks`, without time; text as codes."""
 
     numbers: Array  # (16, K), NUMBERS
     codes: Array  # (8, K) int64, CODES
 
 
 class Followed(NamedTuple):
-    """T tracks as they were after the last step, (T,) each, by key."""
+    """T tracks after the last step, (T,) each, sorted by key."""
 
     key: Array  # int64, vehicle and track
     target: Array  # int64, handle of the body that was detected last
@@ -56,13 +56,13 @@ class Followed(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One scan's tracks with what is true of them, (T,) each."""
+    """One scan's tracks with their truth, (T,) each."""
 
     handle: Array  # (n,) of the vehicles
     tracks: TrackList
     inside: Array  # bool: in path
     target: Array  # int64, handle of the body that was detected last
-    shown: Array  # int8, the class it should have, -1 where nothing is known
+    shown: Array  # int8, the true class, -1 where unknown
     floats: Array  # (6, T), as `track_truth_kernels.follow` gives them
 
     def of(self, chosen: Array) -> Rows:
@@ -71,10 +71,10 @@ class Step(NamedTuple):
 
 
 class TrackTruth:
-    """Follows which body each track of the fleet belongs to, and what its class should be.
+    """Follows which body each track of the fleet belongs to, and its true class.
 
-    The class is that of the published rules, without their waiting cycles, on the true velocities since the
-    track took up the body.
+    The class follows the published rules, without their waiting cycles, on the true velocities since the
+    track was first assigned to the body.
     """
 
     def __init__(self, options: ClassSettings) -> None:
@@ -82,7 +82,7 @@ class TrackTruth:
         self._before = Followed(*(np.zeros(0, np.int64),) * 2, true_class=np.zeros(0, np.int8))
 
     def follow(self, truth: EgoTruth, echo: Echo) -> tuple[Followed, Step]:
-        """What is true of the tracks of a part of the fleet after a scan; `keep` what they follow then."""
+        """Truth of the tracks of a part of the fleet after a scan; pass the first to `keep`."""
         tracks, o = echo.tracks, self._options
         threshold = classification.moving_threshold(o, truth.speed_mps, truth.acceleration_mps2)
         key, target, true_class, shown, floats = kernels.follow(
@@ -93,7 +93,7 @@ class TrackTruth:
         return Followed(key, target, true_class), step
 
     def keep(self, parts: Iterable[Followed]) -> None:
-        """What the tracks of the whole fleet follow, for the next scan; parts in the order of handles."""
+        """Store what the whole fleet's tracks follow, for the next scan; parts in the order of handles."""
         self._before = join(*parts)
 
 
@@ -117,4 +117,4 @@ def table(time_s: Sequence[float], steps: Sequence[Rows], names: Mapping[int, st
 def _target(handle: int, names: Mapping[int, str]) -> str | None:
     if handle < NOTHING:
         return f"roadside:{-handle - 2}"
-    return names.get(handle)  # none of clutter, or of one that left long ago, whose track clutter keeps alive
+    return names.get(handle)  # None: clutter, or a vehicle that left long ago and whose track took clutter

@@ -1,4 +1,4 @@
-"""Kernel of the tracks' truth: which of the bodies around is a track's, and what is true of it."""
+"""Kernels of the tracks' truth: which body a track belongs to, and its true motion."""
 
 import math
 
@@ -32,12 +32,12 @@ def _class_of(before, vx, moving, oncoming, near_zero):  # type: ignore[no-untyp
 
 @kernel
 def follow(handle, tracks, place, behind, objects, before, moving, oncoming, near_zero):  # type: ignore[no-untyped-def]
-    """What T tracks of n vehicles, with handles (n,), follow after a scan.
+    """The bodies that T tracks of n vehicles, with handles (n,), follow after a scan.
 
     tracks : TrackList. place : row and column in `behind`, a ScanTruth, of each detection. objects : Objects,
     (n, M). before : Followed, in the order of its keys. moving (n,) : V_t, oncoming and near_zero as in
-    ClassSettings. Gives key, target, class (T,) as in Followed, the class to show, -1 where nothing is known,
-    and floats (6, T): true range, range rate, azimuth of the detection's point, v_x and v_y of the body, and
+    ClassSettings. Gives key, target, class (T,) as in Followed, the class to show, -1 where unknown, and
+    floats (6, T): true range, range rate, azimuth of the detection's point, v_x and v_y of the body, and
     the track's own time to collision; NaN where there is none.
     """
     count = len(tracks.owner)
@@ -60,7 +60,7 @@ def follow(handle, tracks, place, behind, objects, before, moving, oncoming, nea
             floats[0, t], floats[1, t] = behind.range_m[i, j], behind.range_rate_mps[i, j]
             floats[2, t] = behind.azimuth_rad[i, j]
             taken = behind.handle[i, j]
-            if taken != NOTHING:  # a track that takes clutter still follows its body
+            if taken != NOTHING:  # a track that is assigned clutter still follows its body
                 if body != taken:
                     now = STATIONARY
                 body = taken

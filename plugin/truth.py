@@ -1,6 +1,6 @@
-"""Scoring against what was then really driven: true time to lane crossing, prediction errors, events.
+"""Scoring against the path actually driven: true time to lane crossing, prediction errors, events.
 
-A step's truth lies in its future, so steps wait in a buffer until the look-ahead has been driven. `settle`
+A step is scored against its future, so steps wait in a buffer until the look-ahead has been driven. `settle`
 then turns them into rows, for all vehicles at once.
 """
 
@@ -20,19 +20,19 @@ Array = np.ndarray[Any, Any]
 Names = Mapping[int, str]  # ids of vehicles by handle
 
 HORIZONS_S = (0.5, 1.0, 1.5, 2.0)
-LOOK_AHEAD_S = 5.0  # a crossing later than this leaves the true time to lane crossing empty
+LOOK_AHEAD_S = 5.0  # the true time to lane crossing is empty beyond this
 STEP_S = 0.1
 _HORIZON_STEPS = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64)
-_JUMP_M = 1.0  # a larger change of the lane offset in one step is a change of the lane it refers to
+_JUMP_M = 1.0  # a larger change of the lane offset in one step means that its reference lane changed
 _STEP_COLUMNS = tuple(column.name for column in TABLES["steps"])
-_MOVED_M = 1.5  # so far from where it would have driven to, a vehicle was moved
+_MOVED_M = 1.5  # a vehicle this far from where it would have driven to was moved
 PREDICTORS = ("predicted", "constant_velocity", "constant_radius", "true_state")
 
 
 class Scorer:
     """Buffers the steps of a run, scores them against their future and hands the rows to the recorder.
 
-    `add` takes one step of n vehicles as columns: those of the table `steps` that are known by then, and
+    `add` takes one step of n vehicles as columns: those of the table `steps` known so far, and
 
     handle, step : int64, vehicle and number of the step
     x_m, y_m, world_heading_rad : true pose of the centre of gravity
@@ -53,7 +53,7 @@ class Scorer:
         labels: Mapping[str, Sequence[str]] | None = None,
         matching: Matching | None = None,
     ) -> None:
-        """`names`: the vehicles' ids by handle. `labels`: texts of columns of codes, -1 for none."""
+        """`names`: the vehicles' ids by handle. `labels`: texts for the codes of columns, -1 for none."""
         self._recorder = recorder
         self._names = names
         self._labels = labels or {}
@@ -76,7 +76,7 @@ class Scorer:
             self.distance_m += float(np.where(np.isnan(speed), 0.0, speed).sum()) * STEP_S
 
     def now(self, columns: dict[str, Array], row: int) -> dict[str, Any]:
-        """A row of `steps` of one step, as far as it is known before its future: no true TLC, no verdicts."""
+        """A row of `steps` as far as it is known in the step itself: without true TLC and verdicts."""
         known: dict[str, Any] = {name: columns[name][row] for name in _STEP_COLUMNS if name in columns}
         known = {name: np.nan if np.isinf(value) else value for name, value in known.items()}
         known["true_cause"] = CAUSES[int(columns["cause"][row])]
@@ -90,7 +90,7 @@ class Scorer:
     def settle(self, now_s: float, final: bool = False) -> None:
         """Write all rows whose future is known by `now_s`; with `final`, all that are left.
 
-        The recorder does it when it comes to it.
+        The recorder may do it later, in its own thread.
         """
         steps, self._steps = self._steps, []
         until = np.inf if final else now_s - LOOK_AHEAD_S
@@ -114,7 +114,7 @@ class Scorer:
         self._write_events("warnings", warnings, names)
         rows["written"] |= new
         self._forget_crossings(rows["step"])
-        keep = rows["time_s"] > until - 2.0  # some context: causes and drifts shortly before an event
+        keep = rows["time_s"] > until - 2.0  # context: causes and drifts shortly before an event
         self._context = {name: column[keep] for name, column in rows.items()} if not final else None
 
     def _gather(self, steps: list[dict[str, Array]]) -> dict[str, Array] | None:
@@ -132,7 +132,7 @@ class Scorer:
         return {name: column[order] for name, column in rows.items()}
 
     def _departures(self, rows: dict[str, Array], follows: Array, new: Array) -> list[Departure]:
-        """The crossings that count: the wheel was well inside since the last one, or that is long ago."""
+        """The crossings that count: the wheel was well inside since the last one, or that was long ago."""
         events: list[Departure] = []
         matching = self._book.matching
         index = np.arange(len(follows))
@@ -150,9 +150,9 @@ class Scorer:
         return events
 
     def _forget_crossings(self, steps: Array) -> None:
-        """Drop the crossings that no later one is measured against: those longer ago than `rearm_s`."""
+        """Drop the crossings that can no longer suppress one: those longer ago than `rearm_s`."""
         if len(steps):
-            waiting_s = 2.0 * LOOK_AHEAD_S + 10.0  # more than the rows that are not yet judged
+            waiting_s = 2.0 * LOOK_AHEAD_S + 10.0  # longer than rows wait to be scored
             first = int(steps.max()) - round((waiting_s + self._book.matching.rearm_s) / STEP_S)
             self._last_crossing = {key: step for key, step in self._last_crossing.items() if step >= first}
 
@@ -162,7 +162,7 @@ class Scorer:
         part = margin[i - 1] / (margin[i - 1] - margin[i])
         cause = int(rows["cause"][i])
         back = i
-        while cause == 0 and back > 0 and follows[back] and i - back < 20:  # the episode just ended
+        while cause == 0 and back > 0 and follows[back] and i - back < 20:  # the cause may just have ended
             back -= 1
             cause = int(rows["cause"][back])
         lately = slice(max(i - round(self._book.matching.signalled_s / STEP_S), 0), i + 1)
@@ -292,7 +292,7 @@ def named(handles: Array, name: Callable[[int], str | None]) -> pa.Array:
     if not len(handles):
         return pa.array([], type=pa.string())
     least = int(handles.min())
-    there = np.zeros(int(handles.max()) - least + 1, np.bool_)  # not sorted: handles are numbered through
+    there = np.zeros(int(handles.max()) - least + 1, np.bool_)  # a table, as handles are dense
     there[handles - least] = True
     index = np.cumsum(there, dtype=np.int32) - 1
     names = pa.array([name(one + least) for one in np.flatnonzero(there).tolist()], type=pa.string())
@@ -306,9 +306,9 @@ def labelled(codes: Array, labels: Sequence[str]) -> pa.Array:
 
 
 def _follows(rows: dict[str, Array]) -> Array:
-    """Whether a row is the step right after the one before it, of the same vehicle, and was driven to.
+    """Whether a row continues the one before it: same vehicle, next step, position reached by driving.
 
-    A vehicle that was moved (by the user, or SUMO's teleport) begins anew: nothing is scored across that.
+    A vehicle that was moved (by the user, or SUMO's teleport) starts again: nothing is scored across a move.
     """
     follows = np.zeros(len(rows["handle"]), dtype=bool)
     follows[1:] = (np.diff(rows["handle"]) == 0) & (np.diff(rows["step"]) == 1)
@@ -320,7 +320,7 @@ def _follows(rows: dict[str, Array]) -> Array:
 
 
 def _inward_to_outward(margin: Array, offset: Array, follows: Array) -> Array:
-    """Rows at which the margin turned from inside to outside with respect to one and the same lane."""
+    """Rows at which the margin turned from inside to outside of one and the same lane."""
     before = np.roll(margin, 1)
     same_lane = np.abs(offset - np.roll(offset, 1)) < _JUMP_M
     with np.errstate(invalid="ignore"):
@@ -328,7 +328,7 @@ def _inward_to_outward(margin: Array, offset: Array, follows: Array) -> Array:
 
 
 def _crossings(rows: dict[str, Array], follows: Array) -> Array:
-    """(m, 2): row index before which a crossing lies, and its time; sorted by row."""
+    """(m, 2): row index just after a crossing, and the crossing's time; sorted by row."""
     found = []
     for margin in (rows["margin_left_m"], rows["margin_right_m"]):
         i = _inward_to_outward(margin, rows["true_lateral_offset_m"], follows)

@@ -29,43 +29,43 @@ from sumo_net.surroundings import Objects
 
 Array = np.ndarray[Any, Any]
 
-CHUNK = 64  # vehicles whose frames are in memory at once: what a call costs is spread over them
+CHUNK = 64  # vehicles whose frames are in memory at once, which share the cost of each call
 JUDGED_Y = 1.0 + ROW_STEP * np.arange(ROWS)
 TOLERANCE_PX, SHARE = 5.0, 0.85
 _LEAST_REACH_M = 10.0
-_STRADDLING_M = 0.4  # so near a border either of its lanes may be meant
+_STRADDLING_M = 0.4  # this near to a border, either of its lanes counts as the own lane
 
 
 class Scene(NamedTuple):
-    """What is around n vehicles, truth: the renderer's input and the judge's."""
+    """True surroundings of n vehicles: input of renderer and scoring."""
 
     ahead: RoadAhead
     objects: Objects
     pose: Pose
-    lanes_left: Array  # (n,) the containing lane left (+) of the path
-    lane_offset_m: Array  # (n,) from the centre of that lane
+    lanes_left: Array  # (n,) lanes from the path's lane to the one the vehicle is in, left positive
+    lane_offset_m: Array  # (n,) offset from the centre of that lane
     lane_width_m: Array
 
 
 class VisionState(NamedTuple):
-    """What n vehicles' cameras and lane detectors carry from frame to frame."""
+    """State of n vehicles' cameras and lane detectors between frames."""
 
     camera_key: Array  # (n,) uint64
     frame: Array  # (n,) int64
     looks: Looks
-    hidden: Array  # (n, BODIES, COLUMNS) what vehicles ahead hide, by the radar's tracks of the step before
-    watched: Watched  # the vehicle in path, by them
+    hidden: Array  # (n, BODIES, COLUMNS) what vehicles ahead hide, by the radar tracks of the last step
+    watched: Watched  # the vehicle in path, by the same tracks
     lane: LaneState  # default mode
-    search: SearchState  # published search: of paper mode, or what starts the default mode
+    search: SearchState  # the published search, in paper mode or to start the default mode
     beside: SearchState  # the published search on every frame, for comparison
 
 
 class Sight(NamedTuple):
-    """What came of one frame of each of n vehicles."""
+    """Results of one frame of each of n vehicles."""
 
     lane: LaneEstimate
     borders: Borders
-    columns: Array  # (n, 2, ROWS) where the left and the right marking's centres are taken to be, at JUDGED_Y
+    columns: Array  # (n, 2, ROWS) estimated centres of the left and the right marking at JUDGED_Y
     recognised: Array  # (n,) int8: 1, 0, or -1 where no marking showed
     beside_recognised: Array  # (n,) int8, -1 where it does not run
     rear: RearView  # of the vehicle in path
@@ -109,11 +109,11 @@ class Vision:
     def step(
         self, state: VisionState, scene: Scene, speed_mps: Array, yaw_rate_rps: Array
     ) -> tuple[VisionState, Sight]:
-        """Render and look, for n > 0 vehicles; their own yaw rates, NaN for cameras alone."""
+        """Render and detect, for n > 0 vehicles; yaw_rate_rps is their gyroscopes', NaN without."""
         n = len(speed_mps)
         if n <= CHUNK:
             return self._chunk(state, scene, speed_mps, yaw_rate_rps)
-        size = -(-n // -(-n // CHUNK))  # all about as large
+        size = -(-n // -(-n // CHUNK))  # chunks of about equal size
         done = [
             self._chunk(select(state, part), select(scene, part), speed_mps[part], yaw_rate_rps[part])
             for part in (slice(k, k + size) for k in range(0, n, size))
@@ -121,16 +121,16 @@ class Vision:
         return join(*(after for after, _ in done)), join(*(sight for _, sight in done))
 
     def told(self, state: VisionState, bodies: Bodies, watched: Watched) -> VisionState:
-        """The state for a next frame in which these bodies hide the road, (B,) where they will be then.
+        """The state for the next frame, in which the bodies (B,), at their places then, hide the road.
 
-        watched : the rears to look at, (n,).
+        watched : the rears to measure, (n,).
         """
         mount_m = self._configuration.radar.mount_forward_m
         hidden = hidden_by(bodies, len(state.frame), self._projection, mount_m)
         return state._replace(hidden=hidden, watched=watched)
 
     def seen_to(self, state: VisionState) -> Array:
-        """(n, ROWS) bool: rows of JUDGED_Y up to where paint was seen lately; in `paper` mode all of them."""
+        """(n, ROWS) bool: rows of JUDGED_Y up to where paint was recently seen; in `paper` mode all."""
         near = self._row_m[None, :] <= np.maximum(state.lane.reach_m, _LEAST_REACH_M)[:, None]
         return np.ones_like(near) if self._paper else near
 
@@ -143,7 +143,7 @@ class Vision:
         return self._look(frames, state, scene, speed_mps, yaw_rate_rps, truth)
 
     def _frames(self) -> Array:
-        """(CHUNK, 240, 320) that this thread draws into."""
+        """Buffer (CHUNK, 240, 320) of this thread."""
         if not hasattr(self._of_thread, "frames"):
             self._of_thread.frames = new_frames(CHUNK)
         frames: Array = self._of_thread.frames
@@ -241,12 +241,12 @@ class Vision:
                 self._projection, beside.ahead, beside.objects, other, select(looks, again), beside.pose
             )
             verdict[again] = np.maximum(_against(meant, columns[again]), 0)
-        # beside all lanes there is no ego lane to be found
+        # outside all lanes there is no own lane to find
         verdict[np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m + _STRADDLING_M] = -1
         return verdict
 
     def _parabola_columns(self, borders: Borders) -> Array:
-        # the published objective is greatest on a marking's inner edge; judged is the marking
+        # the published objective peaks at a marking's inner edge; scored is the marking's centre
         centres = marking_centres(borders, self._configuration.camera, self._configuration.plausibility)
         return parabola_columns(centres)
 

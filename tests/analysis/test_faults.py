@@ -139,7 +139,7 @@ def test_what_must_not_matter_changes_no_byte(undisturbed: Path, tmp_path: Path,
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_a_disk_that_is_full_in_mid_run(undisturbed: Path, tmp_path: Path, form: str) -> None:
     size = (undisturbed / f"steps.{form}").stat().st_size
-    with pytest.raises(OSError, match=r"cannot be written .*File too large.*rows before are whole") as error:
+    with pytest.raises(OSError, match=r"cannot be written .*File too large.*earlier rows") as error:
         in_process(full_disk, tmp_path, SHORT | {"formats": (form,)}, int(0.7 * size))
     assert str(tmp_path) in str(error.value)
     whole = pd.DataFrame(read_table(undisturbed, "steps"))

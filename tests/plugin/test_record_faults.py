@@ -112,7 +112,7 @@ def test_on_a_full_disk_the_blocks_before_are_whole(tmp_path: Path, form: str) -
     assert written > 0
     assert os.strerror(errno.EFBIG) in done.stdout
     assert "steps.csv" in done.stdout
-    assert "rows before are whole" in done.stdout
+    assert "earlier rows are complete" in done.stdout
     assert len(times(tmp_path)) == written * ROWS
     assert (tmp_path / "steps.csv").read_bytes().endswith(b"\n")
 
@@ -130,7 +130,7 @@ def test_a_failure_is_told_with_the_next_rows_or_at_the_end(tmp_path: Path) -> N
         busy.set()
         recorder._thread.submit(int).result()
         if again:
-            with pytest.raises(OSError, match="rows before are whole"):
+            with pytest.raises(OSError, match="earlier rows are complete"):
                 recorder.append("predictions", block(0))
             recorder.close()
         else:
