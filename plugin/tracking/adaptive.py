@@ -1,7 +1,7 @@
 """The adaptive Kalman filter (Sage–Husa; CN104635233A eqs. 8 to 14) over all tracks at once.
 
 `safe` adapts R in the residual form, which keeps R positive definite. `patent` is the published recursion:
-it subtracts covariances from squared innovations and so loses definiteness; that is told, not repaired here.
+it subtracts covariances from squared innovations and so loses definiteness; this is flagged, not repaired.
 """
 
 from typing import Any, NamedTuple
@@ -38,8 +38,8 @@ class AdaptiveState(NamedTuple):
     Q: Array  # (T, n, n) its covariance, for one step (patent only)
     r: Array  # (T, m) mean of the measurement noise
     R: Array  # (T, m, m) its covariance
-    k: Array  # (T,) measurements taken in so far, plus what the start is worth
-    flags: Array  # (T,) int64, what the last update lost; 0 in the safe form
+    k: Array  # (T,) measurements used so far, plus the weight of the initial R
+    flags: Array  # (T,) int64, which matrices the last update made indefinite; 0 in the safe form
 
 
 def init(x: Array, P: Array, R: Array, Q: Array, prior_steps: float = 0.0) -> AdaptiveState:
@@ -69,14 +69,14 @@ def predict_safe(
 def predict_patent(
     state: AdaptiveState, F: Array, which: Array | None = None, shift: Array | None = None
 ) -> AdaptiveState:
-    """Eqs. (8) and (9): with the estimates q̂ and Q̂, taken as those of one step whatever its length."""
+    """Eqs. (8) and (9) with the estimates q̂ and Q̂, which hold for one step whatever its length."""
     known = state.q if shift is None else state.q + shift
     x, P = kalman.predict(kalman.Gaussian(state.x, state.P), F, np.zeros(state.P.shape[1:]), which, known)
     return state._replace(x=x, P=P + state.Q)
 
 
 def update_safe(state: AdaptiveState, z: Array, seen: Array, H: Array, forgetting: float) -> AdaptiveState:
-    """Update with z (T, m) where `seen` (T,), and R's adaptation; H (m, n), or (T, m, n) a track each."""
+    """Update with z (T, m) where `seen` (T,), and R's adaptation; H (m, n), or (T, m, n) by track."""
     H, which = _rows(H, len(z))
     x, P, R, k = kernels.update_safe(state.x, state.P, state.R, state.k, z, seen, H, which, forgetting)
     return state._replace(x=x, P=P, R=R, k=k)
@@ -85,7 +85,7 @@ def update_safe(state: AdaptiveState, z: Array, seen: Array, H: Array, forgettin
 def update_patent(
     state: AdaptiveState, z: Array, seen: Array, H: Array, forgetting: float, adapt_process: bool
 ) -> AdaptiveState:
-    """Eqs. (10) to (14) as published; `flags` tells what was lost. Arguments as in `update_safe`."""
+    """Eqs. (10) to (14) as published; `flags` says what was lost. Arguments as in `update_safe`."""
     H, which = _rows(H, len(z))
     return AdaptiveState(*kernels.update_patent(*state[:7], z, seen, H, which, forgetting, adapt_process))
 

@@ -8,7 +8,7 @@ from plugin.tracking.kalman_kernels import MEASURED, STATES, cholesky, gain
 from sumo_net.compile import inlined, kernel
 
 R_INDEFINITE, Q_INDEFINITE, P_INDEFINITE, S_INDEFINITE, NOT_FINITE = 1, 2, 4, 8, 16
-RUNAWAY = 1e8  # numbers beyond are on their way to infinity
+RUNAWAY = 1e8  # larger numbers mean that the recursion diverges
 
 
 @kernel
@@ -43,7 +43,7 @@ def innovation_covariance(P, H, R, PHt, S):  # type: ignore[no-untyped-def]
 def _joseph(P, K, H, R, A, work):  # type: ignore[no-untyped-def]
     """P = (I − K H) P (I − K H)ᵀ + K R Kᵀ in place for any gain K (n, m); A, work (n, n) are scratch.
 
-    As M + (K R − M Hᵀ) Kᵀ with M = P − K (H P), which is the same and needs no product of two (n, n).
+    Computed as M + (K R − M Hᵀ) Kᵀ with M = P − K (H P), the same without a product of two (n, n) matrices.
     """
     n, m = STATES, MEASURED
     for k in range(m):  # A: the rows of H P, then those of Kᵀ
@@ -129,7 +129,7 @@ def update_safe(x, P, R, k, z, seen, H, which, b):  # type: ignore[no-untyped-de
 
 @kernel
 def update_patent(x, P, q, Q, r, R, k, z, seen, H, which, b, adapt_process):  # type: ignore[no-untyped-def]
-    """Eqs. (10) to (14) as published; indefinite matrices and lost numbers are told in `flags` (T,) int64.
+    """Eqs. (10) to (14) as published; indefinite and non-finite matrices are marked in `flags` (T,) int64.
 
     x, P come from eqs. (8) and (9). q (T, n), Q (T, n, n), r (T, m), R (T, m, m) are the recursive estimates;
     with `adapt_process` false q, Q and r stay. Eq. (14) prints the brackets of r̂ wrongly: (1 − d) r̂ + d (…)

@@ -1,8 +1,8 @@
 """Which detection belongs to which track: gate and global nearest neighbour, all vehicles at once.
 
-A pair in the gate whose track and detection both have no other candidate is taken as it is. All the others
-fall apart into small dense blocks, a few vehicles each, which scipy solves one after the other: what a call
-costs is a matter of the block, not of the fleet.
+A pair in the gate whose track and detection have no other candidate is taken directly. All others are split
+into small dense blocks of a few vehicles each, which scipy solves one after the other: a call's cost depends
+on the block, not on the fleet.
 """
 
 from scipy.optimize import linear_sum_assignment
@@ -11,19 +11,19 @@ from plugin.tracking.association_kernels import competing
 from plugin.tracking.detections import Array
 
 NONE = -1
-_TRACKS_A_CALL = 16  # then the next block begins, where one can
+_TRACKS_A_CALL = 16  # after so many a new block begins where possible
 
 
 def assign(track: Array, detection: Array, distance: Array, detections: int, cost_unassigned: Array) -> Array:
-    """The detection (index or -1) of each of T tracks, int64, at the least total cost.
+    """The detection (index or -1) of each of T tracks, int64, at minimum total cost.
 
     Parameters
     ----------
     track, detection, distance : (E,) arrays, the pairs inside the gate, sorted by track, and their squared
         distance.
-    cost_unassigned : (T,) array, the cost of leaving a track without detection; at least the gate, so that no
-        pair in the gate is left out where nothing competes. The track with the larger cost goes first where
-        two compete.
+    cost_unassigned : (T,) array, the cost of leaving a track without detection; at least the gate, so that
+        every pair without competitors is taken. Of two competing tracks the one with the larger cost is
+        preferred.
     """
     chosen, rows, gains, blocks = competing(
         track, detection, distance, cost_unassigned, detections, _TRACKS_A_CALL

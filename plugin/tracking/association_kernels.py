@@ -1,4 +1,4 @@
-"""The gate over the whole fleet, and what goes with it."""
+"""Kernels of the gate and of the competing pairs, for the whole fleet."""
 
 import math
 
@@ -24,8 +24,8 @@ def gate_pairs(z_pred, S, track_label, track_owner, z, label, owner, angle, gate
     """All (track, detection) pairs of one vehicle with yᵀ S⁻¹ y ≤ gate, in order of track and detection.
 
     Tracks z_pred (T, 3), S (T, 3, 3) and detections z (D, 3) are sorted by vehicle: track_owner (T,) and
-    owner (D,). Where labels (-1: none) are given only equal ones pair, within `label_gate`. Gives track (E,),
-    detection (E,), distance squared (E,), and which S (T,) are not finite or not positive definite.
+    owner (D,). Labelled ones (-1: no label) pair only with their own label, within `label_gate`.
+    Gives track, detection, squared distance (E,), and which S (T,) are not finite or not positive definite.
     """
     tracks, m = len(z_pred), MEASURED
     room = max(16, 2 * tracks)
@@ -101,7 +101,7 @@ def competing(track, detection, distance, cost, detections, tracks_a_block):  # 
         else:
             pairs[rest] = e
             rest += 1
-    least = np.empty(rest + 1, np.int64)  # detection from here on
+    least = np.empty(rest + 1, np.int64)  # smallest detection from this pair on
     least[rest] = detections
     for k in range(rest - 1, -1, -1):
         least[k] = min(least[k + 1], detection[pairs[k]])
@@ -140,9 +140,9 @@ def competing(track, detection, distance, cost, detections, tracks_a_block):  # 
 
 @kernel
 def unclaimed(track, detection, chosen, confirmed, detections):  # type: ignore[no-untyped-def]
-    """The detections (B,) of all that no track has chosen (T,) or suppresses.
+    """The detections (B,) that no track has chosen (T,) or suppresses.
 
-    Suppressed is what lies in the gate of a confirmed track that has one: points of that body.
+    A confirmed track that has a detection suppresses the others in its gate: they are points of its body.
     """
     free = np.ones(detections, np.bool_)
     for t in range(len(chosen)):

@@ -1,7 +1,7 @@
 """Kernels of the Kalman update of many tracks at once.
 
-The sizes of tracking are too small for vectors of eight numbers; tracks are not. Within a block the numbers
-of neighbouring tracks lie side by side and nothing branches, so that each instruction does eight of them.
+The matrices of one track are too small for vector instructions on eight numbers. Within a block the numbers
+of neighbouring tracks lie side by side and nothing branches, so that each instruction handles eight tracks.
 """
 
 import math
@@ -27,13 +27,13 @@ class Block(NamedTuple):
     x: Any  # (n, BLOCK)
     P: Any  # (n, n, BLOCK), of which the lower triangle is used
     y: Any  # (m, BLOCK) innovations
-    squared: Any  # (BLOCK,) yᵀ S⁻¹ y, of the last update
-    determinant: Any  # (BLOCK,) of the root of S; NaN where S was not positive definite
+    squared: Any  # (BLOCK,) yᵀ S⁻¹ y of the last update
+    determinant: Any  # (BLOCK,) of the Cholesky factor of S; NaN where S was not positive definite
 
 
 @inlined
 def put(block, place, x, P, y):  # type: ignore[no-untyped-def]
-    """A track's x (n,), P (n, n) and innovation y (m,) into its place of the block."""
+    """Copy a track's x (n,), P (n, n) and innovation y (m,) to its place in the block."""
     for i in range(STATES):
         block.x[i, place] = x[i]
         for j in range(i + 1):
@@ -44,7 +44,7 @@ def put(block, place, x, P, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def take(block, place, x, P):  # type: ignore[no-untyped-def]
-    """What `put` has put there, as it is now, into x (n,) and P (n, n)."""
+    """Copy the state at `place` of the block to x (n,) and P (n, n)."""
     for i in range(STATES):
         x[i] = block.x[i, place]
         for j in range(i + 1):
@@ -84,7 +84,7 @@ def _update_one(block, place, R):  # type: ignore[no-untyped-def]
 
 @inlined
 def _cholesky(S, L):  # type: ignore[no-untyped-def]
-    """`kalman_kernels.cholesky`, but to the end also where S is not positive definite."""
+    """`kalman_kernels.cholesky`, but completed even if S is not positive definite."""
     definite = True
     for i in range(MEASURED):
         for j in range(i + 1):

@@ -38,7 +38,7 @@ TRANSITIONS = frozenset(
 
 @settings
 class ClassSettings:
-    """Thresholds and cycles; the patent leaves k₁, k₂ and V_min to trials in the car, these are ours."""
+    """Thresholds and cycles; the patent leaves k₁, k₂ and V_min to trials in the car; these are ours."""
 
     minimum_speed_mps: float = Field(
         1.5, gt=0, description="V_min; above the speed error of a track that is three cycles old"
@@ -51,6 +51,7 @@ class ClassSettings:
     k2_s: float = Field(
         0.1, ge=0, description="k₂, factor of the ego acceleration: one cycle of delay of the ego speed"
     )
+    k2_s: float = Field(0.1, ge=0, description="times the ego acceleration: the ego speed is one cycle late")
     oncoming_speed_mps: float = Field(-3.0, lt=0, description="V_x, as published")
     near_zero_mps: float = Field(
         0.5, ge=0, description="speed below which an object counts as near 0 (stopping)"
@@ -66,8 +67,8 @@ class ClassState(NamedTuple):
     """(T,) each, int8."""
 
     state: Array  # index into NAMES
-    candidate: Array  # the class towards which is counted
-    cycles: Array  # consecutive ones so far
+    candidate: Array  # the class that may come next
+    cycles: Array  # consecutive cycles of the candidate so far
 
 
 def init(tracks: int) -> ClassState:

@@ -1,4 +1,4 @@
-"""The state machine of the motion classes, over all tracks."""
+"""Kernel of the motion classes' state machine, over all tracks."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ UNCLASSIFIED, STATIONARY, SAME_DIRECTION, ONCOMING, STOPPED_SAME, STOPPED_ONCOMI
 
 
 class ClassRules(NamedTuple):
-    """The settings of the classes as kernels take them."""
+    """The class settings as kernels take them."""
 
     settle_cycles: int
     stop_cycles: int
@@ -23,8 +23,8 @@ class ClassRules(NamedTuple):
 def advance(state, candidate, count, speed, measured, moving, p):  # type: ignore[no-untyped-def]
     """One cycle in place: state, candidate, count (T,) int8; speed (T,) over ground along x.
 
-    moving (T,) is V_t, p ClassRules. A cycle without a measurement says nothing: it neither counts nor
-    interrupts.
+    moving (T,) is V_t, p ClassRules. A cycle without a measurement neither counts nor interrupts the
+    count.
     """
     for t in range(len(state)):
         now, v = state[t], speed[t]

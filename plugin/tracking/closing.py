@@ -1,12 +1,12 @@
-"""Range and closing speed of the vehicles in path, better than their tracks have them.
+"""Range and closing speed of the vehicles in path, more accurate than their tracks'.
 
-A track's filter has to serve for all objects. Of what is in path more is known: it is ahead, it accelerates
-and brakes as road vehicles do, and the camera sees how wide its rear looks. This filter follows it along the
-line of sight, with the state (range, speed over ground, acceleration, width of the rear). Its models are
-Singer's, each with its own correlation time: one for steady driving, one for a braking that goes on, one for
-its beginning and end, mixed as in an IMM. The own way is taken out as it was driven. The width is unknown
-at first and learned from the radar's range; an error of it scales range and closing speed alike, so that
-the time to collision does not feel it.
+A track's filter must suit all objects. More is known of a vehicle in path: it is ahead, it accelerates and
+brakes as road vehicles do, and the camera sees the apparent width of its rear. This filter follows it along
+the line of sight, with the state (range, speed over ground, acceleration, width of the rear). Its models are
+Singer's, each with its own correlation time: one for steady driving, one for continued braking, one for its
+beginning and end, mixed as in an IMM. The own motion is compensated as it was driven. The width is unknown at
+first and learned from the radar's range; its error scales range and closing speed alike, so that it cancels
+in the time to collision.
 """
 
 from typing import Any, NamedTuple, Self
@@ -75,14 +75,14 @@ class Closing:
 class ClosingNumbers(NamedTuple):
     """Closing as kernels take it."""
 
-    markov: Array  # (r, r) of 0.1 s
+    markov: Array  # (r, r) for 0.1 s
     sigma: Array  # (r,) m/s²
     time: Array  # (r,) s
     range_noise: float
     rate_noise: float
     width: float
     width_std: float
-    width_walk: float  # m per root second
+    width_walk: float  # m/√s
     edge_px: float
     edge_share: float
     gate: float
@@ -99,7 +99,7 @@ class ClosingState(NamedTuple):
     P: Array  # (L, r, 4, 4)
     mu: Array  # (L, r)
     own_mps: Array  # the radar's own speed along the line of sight
-    misfits: Array  # int64, widths in a row that did not fit
+    misfits: Array  # int64, consecutive widths outside the gate
 
 
 class ClosingFilter:
@@ -129,7 +129,7 @@ class ClosingFilter:
         )
 
     def init(self) -> ClosingState:
-        """Nobody in any path."""
+        """State without leaders."""
         r = len(self._numbers.sigma)
         nobody = np.zeros(0, np.int64)
         return ClosingState(
@@ -163,10 +163,10 @@ class ClosingFilter:
         in_path: Array,
         dt_s: float,
     ) -> tuple[ClosingState, TrackList]:
-        """One scan of n vehicles: the state, and the tracks with the leaders' range and speed made better.
+        """One scan of n vehicles: the state, and the tracks with the leaders' improved range and speed.
 
         tracks : after the tracker's step, which took `detections`; sensor, view : (n,) each. in_path (n, K)
-        int64 : ids of the tracks that were in path a step before, and are followed from now on; else -1.
+        int64 : ids of the tracks in path one step ago, which are followed from now on; else -1.
         """
         parts, better = kernels.follow(
             state, tracks, detections, sensor, view, in_path, dt_s, self.options.camera, self._numbers

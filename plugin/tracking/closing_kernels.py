@@ -1,4 +1,4 @@
-"""Kernel of the closing filter: several Singer models of a leader, mixed; radar and camera measure."""
+"""Kernels of the closing filter: a mixture of Singer models of a leader, measured by radar and camera."""
 
 import math
 
@@ -9,7 +9,7 @@ from sumo_net.compile import kernel
 RANGE, SPEED, ACCELERATION, WIDTH = range(4)
 _N = 4
 _NEAREST_M = 0.1
-MISFITS = 2  # widths in a row that do not fit the one learned
+MISFITS = 2  # consecutive widths that do not fit the learned one
 
 
 @kernel
@@ -30,7 +30,7 @@ def _update(x, P, y, h, variance):  # type: ignore[no-untyped-def]
 
 @kernel
 def _spread(P, h, variance):  # type: ignore[no-untyped-def]
-    """Variance of a scalar innovation with row h (4,)."""
+    """Variance h P hᵀ + variance of a scalar innovation with row h (4,)."""
     s = variance
     for i in range(_N):
         for j in range(_N):
@@ -54,8 +54,8 @@ def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, fresh, d
 
     x (T, r, 4), P (T, r, 4, 4), mu (T, r), own_before and misfits (T,): a ClosingState's. own (T,): the
     radar's speed along the line of sight now. z_range, z_rate, width_px (T,) are NaN where nothing was
-    measured; those that are fresh (T,) stay as they are. p: ClosingNumbers. The process noise of a step is
-    that of an acceleration which changes evenly over it, by σ² (1 - e^(-2 d / time)).
+    measured; `fresh` ones (T,) stay as they are. p: ClosingNumbers. The process noise of a step is that of an
+    acceleration that changes linearly over it, by σ² (1 - e^(-2 d / time)).
     """
     tracks, r = len(x), x.shape[1]
     x0, P0, c, log_mu = np.empty((r, _N)), np.empty((r, _N, _N)), np.empty(r), np.empty(r)
@@ -114,7 +114,7 @@ def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, fresh, d
             log_mu[j] = math.log(max(c[j], 1e-300))
         own_before[t] = own[t]
         if math.isfinite(z_range[t]):
-            fits = False  # the second point of a long body lies metres further
+            fits = False  # a second point of a long body, metres further
             h[:] = 0.0
             h[RANGE] = 1.0
             for j in range(r):
@@ -137,7 +137,7 @@ def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, fresh, d
                 fits = fits or y * y < p.gate * _spread(P[t, j], h, variance)
             misfits[t] = 0 if fits else misfits[t] + 1
             for j in range(r):
-                if misfits[t] >= MISFITS:  # it was something else's width that was learned: begin anew
+                if misfits[t] >= MISFITS:  # the learned width was another body's: start again
                     P[t, j, WIDTH, :] = 0.0
                     P[t, j, :, WIDTH] = 0.0
                     P[t, j, WIDTH, WIDTH] = p.width_std**2
@@ -163,7 +163,7 @@ def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, fresh, d
 
 @kernel
 def _leaders(state, tracks, in_path):  # type: ignore[no-untyped-def]
-    """Tracks (L,) followed already or, being in path, from now on; their rows in `state`, else -1."""
+    """Tracks (L,) already followed or newly in path; their rows in `state`, -1 for new ones."""
     row, before = np.empty(len(tracks.owner), np.int64), np.empty(len(tracks.owner), np.int64)
     found, at = 0, 0
     for t in range(len(tracks.owner)):
@@ -184,7 +184,7 @@ def _leaders(state, tracks, in_path):  # type: ignore[no-untyped-def]
 
 @kernel
 def follow(state, tracks, detections, sensor, view, in_path, d, camera, p):  # type: ignore[no-untyped-def]
-    """One scan of n vehicles: the parts of the next ClosingState, and of the tracks' better estimate (8, T).
+    """One scan of n vehicles: the parts of the next ClosingState, and of the improved estimate (8, T).
 
     Arguments as of `ClosingFilter.step`; d: seconds, camera: whether widths are taken, p: ClosingNumbers. The
     last are range, range rate, x, y, v_x, v_y, a_x and a_y.

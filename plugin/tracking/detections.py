@@ -1,4 +1,4 @@
-"""What goes into tracking and what comes out: detections, the ego's motion, estimates."""
+"""Inputs and outputs of tracking: detections, ego motion, estimates."""
 
 from typing import Any, NamedTuple
 
@@ -23,7 +23,7 @@ class EgoMotion(NamedTuple):
     speed_mps: Array
     acceleration_mps2: Array
     yaw_rate_rps: Array
-    lateral_speed_mps: Array  # v_y of the centre of gravity; 0 where it is not known
+    lateral_speed_mps: Array  # v_y of the centre of gravity; 0 if unknown
 
 
 class SensorMotion(NamedTuple):
@@ -48,7 +48,7 @@ class Estimate(NamedTuple):
     vy_mps: Array
     ax_mps2: Array
     ay_mps2: Array
-    probability_cv: Array  # NaN where the filter has no such mode
+    probability_cv: Array  # NaN if the filter has no such mode
 
 
 def at_rest(n: int) -> EgoMotion:

@@ -19,15 +19,15 @@ FILTERS: tuple[FilterName, ...] = ("imm", "adaptive", "patent", "cv", "ca")
 class Filter(Protocol):
     """T tracks of a fleet of n vehicles at once; `owner` (T,) names each track's vehicle.
 
-    A state is a NamedTuple of arrays, a row for each track and maybe more. Rows are moved in `predict` alone,
-    where all of them are written anyway: covariances are large. z (D, 3) is the filter's own form of a
-    detection; `angle` (3,) says which components of it are angles.
+    A state is a NamedTuple of arrays with at least a row for each track. Rows are moved only in `predict`,
+    which writes them all anyway: covariances are large. z (D, 3) is the filter's own form of a detection;
+    `angle` (3,) says which of its components are angles.
     """
 
     angle: Array
 
     def start(self, detections: Detections, sensor: SensorMotion) -> Any:
-        """States of new tracks, one a detection."""
+        """States of new tracks, one for each detection."""
 
     def join(self, state: Any, tracks: int, new: Any) -> Any:
         """The first `tracks` rows of a state and those of new tracks after them; `state` is used up."""
@@ -37,8 +37,8 @@ class Filter(Protocol):
     ) -> tuple[Any, Array]:
         """States dt (n,) later, with the ego's motion taken out, of `rows` (T,) of `state`.
 
-        There may be up to `room` new tracks before the next prediction. Also which of them (T,) have
-        covariances that are not positive definite, or not numbers.
+        Up to `room` tracks may be added before the next prediction. Also returns which tracks (T,) have
+        covariances that are not positive definite or not finite.
         """
 
     def expect(self, state: Any, owner: Array, sensor: SensorMotion) -> tuple[Array, Array]:
@@ -51,10 +51,10 @@ class Filter(Protocol):
         """States after the detection chosen (T,) of z (D, 3), -1 for none; `state` is used up."""
 
     def restart(self, state: Any, lost: Array) -> Any:
-        """The same with covariances (and noise estimates) of the tracks `lost` (T,) bool begun anew."""
+        """The state with covariances (and noise estimates) of the tracks `lost` (T,) bool reset."""
 
     def estimate(self, state: Any, owner: Array, sensor: SensorMotion) -> Array:
-        """What the first T states say, polar and over ground: the parts of an Estimate, (10, T)."""
+        """Estimates from the first T states, polar and over ground: the parts of an Estimate, (10, T)."""
 
 
 @settings
@@ -77,7 +77,7 @@ class FilterSettings:
 
 
 def make(name: str, options: FilterSettings) -> Filter:
-    """The filter `name`. Raises ValueError, naming those there are, for any other."""
+    """The filter `name`. Raises ValueError for an unknown name."""
     if name in ("adaptive", "patent"):
         return GroundFilter(
             name == "patent",

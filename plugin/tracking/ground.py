@@ -1,10 +1,10 @@
 """The filters over ground: `adaptive` and `patent` on (x, ẋ, ẍ, y, ẏ, ÿ), z = (x, v_r, y) (eqs. 4 to 15).
 
 Position is from the radar, in the axes of the vehicle now; velocity and acceleration are over ground in the
-same axes: the prediction takes out the way of the radar and turns by the ego's yaw, which are eqs. (1) to (3)
-for a vehicle that also turns. v_r is the speed along the line of sight, which row 2 of eq. (6) takes for ẋ:
-exact ahead; here the row is (cos β, sin β) on (ẋ, ẏ). The update runs along and across the line of sight, an
-invertible map of (x, v_r, y), because there the radar's noise is the same everywhere and R can be adapted.
+same axes: the prediction subtracts the radar's displacement and turns by the ego's yaw, extending eqs. (1) to
+(3) to a turning vehicle. v_r is the speed along the line of sight, which row 2 of eq. (6) takes for ẋ, exact
+straight ahead; here the row is (cos β, sin β) on (ẋ, ẏ). The update runs along and across the line of sight,
+an invertible map of (x, v_r, y), because there the radar's noise is uniform and R can be adapted.
 """
 
 import numpy as np
@@ -63,7 +63,7 @@ class GroundFilter:
     def predict(
         self, state: AdaptiveState, rows: Array, owner: Array, dt: Array, sensor: SensorMotion, room: int
     ) -> tuple[AdaptiveState, Array]:
-        """Lost are tracks whose last update left some matrix indefinite; none in the safe form."""
+        """Reports as lost the tracks whose last update left a matrix indefinite; none in the safe form."""
         state = select(state, rows)
         steps, which = np.unique(dt, return_inverse=True)
         F, Q = (m[:, 0] for m in self._model.transition(steps))
@@ -115,10 +115,10 @@ class GroundFilter:
         return adaptive.update_safe(state, turned, seen, H, b)
 
     def restart(self, state: AdaptiveState, lost: Array) -> AdaptiveState:
-        """What was lost of the tracks `lost` (T,) bool as at the start: R with r, Q with q, P; k stays.
+        """Reset what the tracks `lost` (T,) bool have lost: R with r, Q with q, P; k stays.
 
-        (With k = 0 again, d = 1 would put the next squared innovation alone in R's place, and lose it again.)
-        A track of `lost` without flags has lost S: everything begins anew.
+        (With k = 0, d = 1 would replace R by the next squared innovation alone, and lose it again.) A track
+        of `lost` without flags has lost S: everything is reset.
         """
         flags = np.where(state.flags == 0, -1, state.flags)
         fresh = adaptive.init(state.x, np.tile(self._wide(), (len(lost), 1, 1)), self._R, self._Q)

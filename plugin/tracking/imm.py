@@ -1,7 +1,7 @@
 """The interacting-multiple-model filter (IMM source, section 3), general in the number of models.
 
-One model is the plain Kalman filter. Mode probabilities are worked with as logarithms; without a measurement
-they change by the Markov step alone.
+With one model it is the plain Kalman filter. Mode probabilities are updated as logarithms; without a
+measurement they change by the Markov step alone.
 """
 
 from typing import Any, NamedTuple
@@ -52,7 +52,7 @@ def predict(
     which: Array | None = None,
     shift: Array | None = None,
 ) -> ImmState:
-    """Step 1 and the prediction of step 2; mu becomes the Markov step's.
+    """Step 1 and the prediction of step 2; mu becomes the predicted mode probabilities.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def update(
 ) -> tuple[ImmState, Array]:
     """Steps 2 and 3 with z (T, m) where `seen` (T,).
 
-    out : where the state that comes of it is put, which may be `state` itself; new arrays if left out.
+    out : receives the new state, may be `state` itself; new arrays if left out.
 
     Gives the state and `sound` (T,) bool: False where an innovation covariance was not positive definite.
     """
@@ -97,7 +97,7 @@ def update(
 
 
 def combine(state: ImmState) -> Gaussian:
-    """Step 4: mean and covariance of the mixture; of one model, its own."""
+    """Step 4: mean and covariance of the mixture; those of the model if there is only one."""
     if state.mu.shape[1] == 1:
         return Gaussian(state.x[:, 0], state.P[:, 0])
     return Gaussian(*kernels.combine(*state))

@@ -52,7 +52,7 @@ def mix(x, P, mu, markov, j, x0, P0, w):  # type: ignore[no-untyped-def]
 @kernel
 def predict(x, P, mu, F, Q, markov, which, shift):  # type: ignore[no-untyped-def]
     """Mixing and prediction: x (T, r, n), P (T, r, n, n), mu (T, r); F, Q (U, r, n, n), markov (U, r, r),
-    which (T,) into U, shift (T, n) added after F. The mode probabilities that come back are the Markov step.
+    which (T,) into U, shift (T, n) added after F. The mode probabilities returned are the predicted ones.
     """
     tracks, r = len(x), x.shape[1]
     xp, Pp, c = np.empty_like(x), np.empty_like(P), np.empty_like(mu)
@@ -70,10 +70,10 @@ def update(x, P, mu, z, chosen, R, angle):  # type: ignore[no-untyped-def]
     """Steps 2 and 3 in place: every model's update, and the mode probabilities by their log-likelihoods.
 
     Shapes as in `predict`; z (D, m), chosen (T,) the row of z that a track takes, -1 for none, R (m, m),
-    angle (m,). The probabilities are taken relative to the likeliest mode, so that no underflow of
-    all of them can occur. Where nothing is taken all stays as predicted. Where some model's innovation
-    covariance is not positive definite, `sound` (T,), which is given back, is False and the probabilities
-    stay as predicted.
+    angle (m,). The probabilities are taken relative to the likeliest mode, so that they cannot all
+    underflow. A track without a measurement stays as predicted. Where some model's innovation covariance is
+    not positive definite, `sound` (T,), which is returned, is False and the probabilities stay as
+    predicted.
     """
     tracks, r = len(chosen), x.shape[1]
     sound, log_likelihood = np.ones(tracks, np.bool_), np.empty((tracks, r))
@@ -110,7 +110,7 @@ def update(x, P, mu, z, chosen, R, angle):  # type: ignore[no-untyped-def]
 
 @inlined
 def weigh(log_likelihood, mu):  # type: ignore[no-untyped-def]
-    """Step 3 in place: mode probabilities mu (r,) by the models' log-likelihoods (r,), which are used up."""
+    """Step 3 in place: mode probabilities mu (r,) by the models' log-likelihoods (r,), overwritten."""
     r, highest, total = len(mu), -math.inf, 0.0
     for j in range(r):
         log_likelihood[j] += math.log(mu[j]) if mu[j] > 0.0 else -math.inf
@@ -147,9 +147,9 @@ def combine(x, P, mu):  # type: ignore[no-untyped-def]
 
 @kernel
 def expect(tracks, x, P, mu, R):  # type: ignore[no-untyped-def]
-    """Mean (T, m) and covariance (T, m, m) of what will be measured: H of `combine`, with R added.
+    """Mean (T, m) and covariance (T, m, m) of the next measurement: H applied to `combine`, plus R.
 
-    Of the first `tracks` = T rows of x, P, mu.
+    For the first `tracks` = T rows of x, P, mu.
     """
     r, m = x.shape[1], MEASURED
     mean, S = np.zeros((tracks, m)), np.zeros((tracks, m, m))

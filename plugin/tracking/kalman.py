@@ -17,11 +17,11 @@ class Gaussian(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """What a measurement said against the prediction; NaN where none was seen."""
+    """Measurement minus prediction; NaN without a measurement."""
 
     y: Array  # (T, m)
     S: Array  # (T, m, m)
-    log_likelihood: Array  # (T,); NaN also where S was not positive definite, and the update was left out
+    log_likelihood: Array  # (T,); NaN also where S was not positive definite, which skips the update
 
 
 def check_states(x: Array) -> tuple[int, int]:
@@ -44,8 +44,8 @@ def predict(
 
     Parameters
     ----------
-    F, Q : (U, n, n) arrays, or (n, n) where it is the same for all U.
-    which : (T,) int64, the row of F and Q each track takes; left out where U is 1 or T.
+    F, Q : (U, n, n) arrays, or (n, n) if the same for all U.
+    which : (T,) int64, the row of F and Q each track takes; may be left out if U is 1 or T.
     shift : (T, n) known input, 0 if left out.
     """
     tracks, n = check_states(state.x)
@@ -63,7 +63,7 @@ def update(
 ) -> tuple[Gaussian, Innovation]:
     """Joseph-form update with z (T, m) where `seen` (T,); R (m, m), angle (m,) bool or none.
 
-    z are the states `kalman_kernels.MEASURES`.
+    z holds the states `kalman_kernels.MEASURES`.
     """
     check_states(state.x)
     check_measured(z)

@@ -1,11 +1,11 @@
 """Kernels of the Kalman filter: small dense algebra, and predict and update over all tracks at once.
 
 The matrices of tracking are small and half empty (block-diagonal F, selecting H), so the products skip zeros.
-All models of tracking here have six states and three measured components; as constants they let the compiler
-unroll, which halves the time. (n, m in the shapes below.) For that, what works on one track is put whole into
-the kernels over all tracks, which copy a track into arrays of constant size.
+All tracking models here have six states and three measured components (n, m in the shapes below); as
+constants they let the compiler unroll loops, which halves the time. Functions on one track are therefore
+inlined into the kernels over all tracks, which copy a track into arrays of constant size.
 
-What is measured are the states MEASURES themselves: H picks them, and is nowhere multiplied by.
+The states MEASURES themselves are measured: H selects them and is never multiplied by.
 
 Every batch takes T tracks along the first axis; which transition a track takes is an index into U of them,
 since most tracks of a fleet share one time step.
@@ -44,7 +44,7 @@ def clear(out):  # type: ignore[no-untyped-def]
 def congruence(A, P, out):  # type: ignore[no-untyped-def]
     """out = A P Aᵀ for a symmetric P (n, n), exactly symmetric. out may be P.
 
-    Both products go along rows, which lie in one piece; for that the first one is kept transposed.
+    Both products run along rows, which are contiguous in memory; for this the first is kept transposed.
     """
     turned, row = scratch((STATES, STATES)), scratch(STATES)
     for i in range(STATES):
@@ -153,9 +153,9 @@ def gain(S, L, y, K):  # type: ignore[no-untyped-def]
 
 @inlined
 def joseph(P, K, R):  # type: ignore[no-untyped-def]
-    """P = (I − K H) P (I − K H)ᵀ + K R Kᵀ in place for any gain K (n, m), H picking the states MEASURES.
+    """P = (I − K H) P (I − K H)ᵀ + K R Kᵀ in place for any gain K (n, m), H selecting MEASURES.
 
-    As M + (K R − M Hᵀ) Kᵀ with M = P − K (H P), which is the same and needs no product of two (n, n).
+    Computed as M + (K R − M Hᵀ) Kᵀ with M = P − K (H P), the same without a product of two (n, n) matrices.
     """
     M, weight = scratch((STATES, STATES)), scratch(MEASURED)
     for i in range(STATES):
@@ -228,8 +228,8 @@ def update(x, P, z, seen, R, angle):  # type: ignore[no-untyped-def]
     """Joseph-form update of x (T, n), P (T, n, n) with z (T, m) where `seen`; R (m, m).
 
     `angle` (m,) says which components of z are angles, so that their innovation is wrapped. Gives x, P, the
-    innovation y (T, m), its covariance S (T, m, m) and log-likelihood (T,), the last three NaN where nothing
-    was seen; the likelihood alone is NaN where S was not positive definite, and x and P are then unchanged.
+    innovation y (T, m), its covariance S (T, m, m) and log-likelihood (T,), the last three NaN without a
+    measurement; where S was not positive definite the likelihood alone is NaN, and x and P are unchanged.
     """
     tracks, m = len(x), MEASURED
     x, P = x.copy(), P.copy()

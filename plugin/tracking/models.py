@@ -1,7 +1,7 @@
 """Motion and measurement models of radar tracking, for any time step.
 
-A kinematic chain is linear with a nilpotent derivative, so F(dt) and Q(dt) are polynomials in dt; a model is
-kept as the coefficients and one call gives the matrices of all U different time steps.
+A kinematic chain is linear with a nilpotent derivative, so F(dt) and Q(dt) are polynomials in dt; a model
+stores their coefficients, and one call gives the matrices of all U different time steps.
 
 Polar (IMM source, section 4): state (r, ṙ, r̈, β, β̇, β̈), z = (r, ṙ, β). Over ground (CN104635233A, eqs. 4 to
 7): state (x, ẋ, ẍ, y, ẏ, ÿ), z = (x, v_r, y).
@@ -43,7 +43,7 @@ class PolarMotion:
     """Process noise of the polar models, as the source states it: per step of `step_s`."""
 
     acceleration_mps2: float = Field(
-        0.8, gt=0, description="σ_α, along the line of sight; the source's 0.3 is too little for hard braking"
+        0.8, gt=0, description="σ_α, along the line of sight; the source's 0.3 is too small for hard braking"
     )
     angular_acceleration_rps2: float = Field(math.radians(0.3), gt=0, description="σ_β, 0.3 °/s²")
     step_s: float = Field(0.1, gt=0, description="the time step for which both are stated")
@@ -98,7 +98,7 @@ def ground_model(motion: GroundMotion) -> Models:
     for axis, sigma in enumerate((motion.forward_jerk_mps3, motion.left_jerk_mps3)):
         for i in range(3):
             for j in range(3):
-                # jerk white over steps: its integral grows by σ² step_s a second
+                # white jerk over steps: the variance of its integral grows by σ² step_s per second
                 e = power[i] + power[j] - 1
                 Q[e, 3 * axis + i, 3 * axis + j] = gamma[i] * gamma[j] * sigma**2 * motion.step_s
     return Models(F[None], Q[None], ("ca",))

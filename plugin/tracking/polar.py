@@ -1,7 +1,7 @@
 """The filters on (r, ṙ, r̈, β, β̇, β̈): `imm`, and `cv` and `ca` as IMMs of one model.
 
-β̇ and β̈ are kept over ground: the ego's yaw is taken out as a known input, and so is the sensor's
-acceleration, so that an object that does not manoeuvre looks so also from a turning or braking vehicle.
+β̇ and β̈ are over ground: the ego's yaw and the sensor's acceleration are compensated as known inputs, so
+that an object does not seem to manoeuvre when the own vehicle turns or brakes.
 """
 
 import functools
@@ -36,7 +36,7 @@ class StartSpread:
 def first_velocity(
     detections: Detections, c: Array, s: Array, sensor: SensorMotion, options: StartSpread
 ) -> Array:
-    """(3, B) of objects first seen: v_x, v_y over ground and σ of the rest; c, s (B,) of their azimuths."""
+    """(3, B) of new objects: v_x, v_y over ground and σ of the unknown part; c, s (B,) : cos β, sin β."""
     out: Array = polar_kernels.first_velocity(
         detections.owner, detections.range_rate_mps, c, s, sensor, options.lateral_speed_mps
     )
@@ -79,7 +79,7 @@ class PolarFilter:
 
     def join(self, state: ImmState, tracks: int, new: ImmState) -> ImmState:
         for part, begun in zip(state, new, strict=True):
-            part[tracks : tracks + len(begun)] = begun  # the prediction has left room
+            part[tracks : tracks + len(begun)] = begun  # room reserved by the prediction
         return state
 
     def predict(
@@ -110,7 +110,7 @@ class PolarFilter:
         return state
 
     def restart(self, state: ImmState, lost: Array) -> ImmState:
-        """Covariances as of new tracks and even mode probabilities where `lost` (T,)."""
+        """Covariances as for new tracks and equal mode probabilities where `lost` (T,)."""
         rows = np.flatnonzero(lost)
         P, mu = state.P.copy(), state.mu.copy()
         r = np.maximum(state.x[rows, :, 0], 1.0)

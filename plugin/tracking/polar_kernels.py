@@ -1,4 +1,4 @@
-"""The IMM's prediction for the polar models, with what those leave out: straight lines, the ego's motion."""
+"""The IMM's prediction for the polar models, corrected for straight motion and the ego's motion."""
 
 import math
 
@@ -19,8 +19,8 @@ def bend(x, G, h, sensor, v):  # type: ignore[no-untyped-def]
 
     The linear model of r and β has r̈ = β̈ = 0 for an object without acceleration. On a straight line, seen
     from a sensor with acceleration a, they are r λ² − a_r and −(2 ṙ λ + a_t)/r, λ being the rate of β over
-    ground. That motion is known in closed form; (r, ṙ, β, λ) are set to what the linear model of constant
-    rates turns into it. G has to be the identity but for the entries written here.
+    ground. That motion is known in closed form; (r, ṙ, β, λ) are set such that the linear model of constant
+    rates gives it. G must be the identity except for the entries written here.
     """
     r, rate, azimuth, lam = max(x[0], _NEAREST_M), x[1], x[3], x[4]
     c, s = math.cos(azimuth), math.sin(azimuth)
@@ -49,11 +49,11 @@ def bend(x, G, h, sensor, v):  # type: ignore[no-untyped-def]
 
 @kernel
 def predict(x, P, mu, rows, F, Q, markov, which, owner, dt, sensor, room):  # type: ignore[no-untyped-def]
-    """`imm_kernels.predict` with each mixed state bent before F; also where that gave no numbers, (T,) bool.
+    """`imm_kernels.predict` with each mixed state bent before F; also where that is not finite, (T,) bool.
 
     x (S, r, 6), P (S, r, 6, 6), mu (S, r), of which `rows` (T,) are taken; F, Q (U, r, 6, 6), markov
     (U, r, r); owner (T,) into the n vehicles with time steps dt (n,), which (n,) into U, and `sensor`, a
-    SensorMotion of (n,) each. What comes back has T + room rows, the last ones not filled.
+    SensorMotion of (n,) each. The results have T + room rows, the last ones not filled.
     """
     tracks, r, n = len(rows), x.shape[1], STATES
     xp, Pp = np.empty((tracks + room, r, n)), np.empty((tracks + room, r, n, n))
@@ -86,7 +86,7 @@ def predict(x, P, mu, rows, F, Q, markov, which, owner, dt, sensor, room):  # ty
 
 @kernel
 def first_velocity(owner, rate, c, s, sensor, spread):  # type: ignore[no-untyped-def]
-    """Velocity over ground (vx, vy) of objects first seen, and σ of what the range rate leaves open, (3, B).
+    """Velocity over ground (vx, vy) of new objects, and σ of what the range rate leaves open, (3, B).
 
     Objects move along the road, so nearly along x: v_x = (ṙ + u·v_sensor)/cos β. Where the line of sight is
     nearly across (|cos β| < 0.5) the velocity is taken along the line of sight. owner (B,) into `sensor`, a
@@ -96,7 +96,7 @@ def first_velocity(owner, rate, c, s, sensor, spread):  # type: ignore[no-untype
     for b in range(len(owner)):
         v = owner[b]
         radial = rate[b] + c[b] * sensor.vx[v] + s[b] * sensor.vy[v]
-        # Across the line of sight there remains v_y / cos β, or anything as fast as the object itself.
+        # Unknown across the line of sight: v_y / cos β, or any speed up to the object's own.
         if abs(c[b]) >= 0.5:
             out[0, b], out[1, b], out[2, b] = radial / c[b], 0.0, spread / abs(c[b])
         else:
@@ -106,7 +106,7 @@ def first_velocity(owner, rate, c, s, sensor, spread):  # type: ignore[no-untype
 
 @kernel
 def start(x, P, mu, z, c, s, velocity, owner, sensor, R, acceleration):  # type: ignore[no-untyped-def]
-    """New tracks into x (B, r, 6), P (B, r, 6, 6), mu (B, r): all models alike, and as likely.
+    """New tracks into x (B, r, 6), P (B, r, 6, 6), mu (B, r): all models alike and equally likely.
 
     z (B, 3) : range, range rate and azimuth β; c = cos β, s = sin β (B,); velocity (3, B) : that of
     `first_velocity`; acceleration : m/s², σ of each axis.
@@ -132,10 +132,10 @@ def start(x, P, mu, z, c, s, velocity, owner, sensor, R, acceleration):  # type:
 
 @kernel
 def estimate(x, mu, owner, sensor, mount, cv):  # type: ignore[no-untyped-def]
-    """The parts of an Estimate, (10, T), of the mixtures that are the first T rows of x (S, r, 6), mu (S, r).
+    """The parts of an Estimate, (10, T), of the mixtures in the first T rows of x (S, r, 6), mu (S, r).
 
-    owner (T,) into `sensor`, a SensorMotion; mount: of the radar, ahead of the centre of gravity; cv: the
-    model of constant velocity, -1 for none.
+    owner (T,) into `sensor`, a SensorMotion; mount: m, radar ahead of the centre of gravity; cv: index of
+    the constant-velocity model, -1 for none.
     """
     tracks, r = len(owner), x.shape[1]
     out, mean = np.empty((10, tracks)), np.empty(STATES)

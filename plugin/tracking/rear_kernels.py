@@ -7,9 +7,8 @@ import numpy as np
 from camera_synth.camera import image_from_vehicle
 from sumo_net.compile import kernel
 
-# Heights on the body that bound the zones in which its sides are looked for: above the shadow's reach, and
-# where nothing stands out there, the dark strip. Lower on the strip its shadow is wider, higher up the lane's
-# lines show close to it.
+# Heights on the body that bound the zones in which its sides are searched: above the shadow, or, if nothing
+# stands out there, on the dark strip. Lower on the strip the shadow is wider; higher, lane lines are close.
 _PAINT_M = (0.22, 0.28, 0.34, 0.40, 0.46)
 _STRIP_M = (0.15, 0.21)
 _NEAREST_M, _FURTHEST_M = 3.0, 80.0  # nearer than this a body fills the image
@@ -17,15 +16,15 @@ _BAND_LOW_M, _BAND_HIGH_M = (
     0.13,
     0.21,
 )  # of the dark strip at the foot: tyres, bumper; lower, its shadow is wider
-_DARK = 0.65  # its grey over the road's at most
-_MIDDLE_M = 0.4  # to each side of the middle: where the foot is looked for
-_SLACK_M, _SLACK_PX = 1.5, 4.0  # how far off the expected foot, by the radar's range and the own pitch
-_ROAD_M = 2.0  # the road's grey is read so much nearer than that
+_DARK = 0.65  # largest grey relative to the road's
+_MIDDLE_M = 0.4  # to each side of the middle, where the foot is searched
+_SLACK_M, _SLACK_PX = 1.5, 4.0  # tolerance of the foot: range error, own pitch
+_ROAD_M = 2.0  # the road's grey is read this much nearer than that
 _NARROWEST_M, _WIDEST_M = 1.2, 3.4
-_REACH_PX, _MOST_PX = 2.0, 8.0  # how far off an expected side it may be, beside this in metres:
+_REACH_PX, _MOST_PX = 2.0, 8.0  # tolerance of a side's column, plus in metres:
 _AFTER_STRIP_M, _AFTER_FRAME_M = 0.10, 0.05
-_CONTRAST = 12.0  # least step of the grey at a side, over the root of the rows averaged
-_DISTINCT = 2.5  # and over the usual step beside it
+_CONTRAST = 12.0  # least grey step at a side, over the root of the rows averaged
+_DISTINCT = 2.5  # and relative to the mean step beside it
 
 
 @kernel
@@ -102,7 +101,7 @@ def strip(frame, x, y, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def _profiles(frame, zones, x, y, lift, first, last, p, rows, profile):  # type: ignore[no-untyped-def]
-    """Mean grey of columns first..last by zone into profile (zones, width); rows (zones,): how many."""
+    """Mean grey of columns first..last by zone into profile (zones, width); rows (zones,): rows averaged."""
     height = frame.shape[0]
     for z in range(len(rows)):
         low = max(round(_row(zones[z], x, y, p) + lift), 0)
@@ -117,17 +116,17 @@ def _profiles(frame, zones, x, y, lift, first, last, p, rows, profile):  # type:
 
 @kernel
 def _side(profile, rows, expected, reach):  # type: ignore[no-untyped-def]
-    """(column, step) of the upright side that stands out most in profile (zones, width).
+    """(column, step) of the most distinct vertical edge in profile (zones, width).
 
-    It is looked for within `reach` of the expected column. A body's side is upright and so in one column in
-    all zones, whatever its tone in each; lines are slanted. The step counts the rows' noise; it is 0 where
-    none stands out.
+    It is searched within `reach` of the expected column. A body's side is vertical, so in the same column in
+    all zones, whatever its grey in each; lane lines are slanted. The step is weighted by the root of the rows
+    averaged; it is 0 if no edge stands out.
     """
     low, high = math.floor(expected - reach), math.ceil(expected + reach)
     if low < 2 or high > profile.shape[1] - 5:
         return math.nan, 0.0
     best, at, total = 0.0, low, 0.0
-    for c in range(low, high + 1):  # a side within a pixel shows in two steps of the same sign
+    for c in range(low, high + 1):  # an edge inside a pixel gives two steps of the same sign
         size = 0.0
         for z in range(len(rows)):
             total += rows[z] * abs(profile[z, c + 1] - profile[z, c])
@@ -143,7 +142,7 @@ def _side(profile, rows, expected, reach):  # type: ignore[no-untyped-def]
         after = 0.5 * (0.5 * (g[at + 3] + g[at + 4]) + g[at + 2])
         step = after - before
         if rows[z] > 0 and step != 0.0:
-            covered = (after - g[at + 1]) / step  # this share of the pixel between is still as before
+            covered = (after - g[at + 1]) / step  # share of the pixel between, as before the edge
             column += rows[z] * step * step * min(max(covered, 0.0), 1.0)
             weight += rows[z] * step * step
     if weight == 0.0:
@@ -155,7 +154,7 @@ def _side(profile, rows, expected, reach):  # type: ignore[no-untyped-def]
 def sides(frame, x, y, lift, left, right, reach_m, p):  # type: ignore[no-untyped-def]
     """(left, right) columns of the sides of a body at (x, y), expected at `left` and `right`.
 
-    lift : rows by which it stands higher in the image than (x, y) says. NaN where a side is not to be seen.
+    lift : rows by which it stands higher in the image than (x, y) says. NaN where a side is not found.
     """
     width = frame.shape[1]
     scale = p.focal / max(x - p.forward, 1.0)
@@ -186,7 +185,7 @@ def look_fleet(frames, watched, p, out):  # type: ignore[no-untyped-def]
         x, y = watched.x_m[i], watched.y_m[i]
         if watched.track_id[i] < 0 or not _NEAREST_M < x - p.forward < _FURTHEST_M:
             continue
-        # The strip at the foot is told from the lane's lines behind the body; the frame before is not.
+        # The strip at the foot cannot be a lane line behind the body; sides of the frame before can.
         left, right, lift = strip(frames[i], x, y, p)
         if math.isfinite(left):
             left, right = sides(frames[i], x, y, lift, left, right, _AFTER_STRIP_M, p)
@@ -200,7 +199,7 @@ def look_fleet(frames, watched, p, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def moved_sides(track_id, x, next_x, view, shift, forward, center):  # type: ignore[no-untyped-def]
-    """Columns (2, n) at which the sides in `view` (RearView) are in the next frame; NaN for another's.
+    """Columns (2, n) of the sides in `view` (RearView) in the next frame; NaN where the body is another.
 
     track_id (n,) : the bodies, -1 for none, at x, then next_x (n,) m; shift (n,) : of all columns by turning;
     the camera is `forward` m ahead and its axis at column `center`.

@@ -1,7 +1,7 @@
-"""The rear of the vehicle ahead in the camera's frames: where its sides are, and so how wide it looks.
+"""The rear of the vehicle ahead in the camera's frames: the columns of its sides, and so its width.
 
-As it comes nearer it looks wider, in proportion to one over its distance, whatever the own pitch: braking
-shifts a body's foot in the image by many pixels, its width by none. A body is first found by the dark strip
+The width in the image is inversely proportional to the distance and independent of the own pitch: braking
+shifts a body's foot by many pixels, but does not change its width. A body is first found by the dark strip
 at its foot, later where its sides were in the frame before.
 """
 
@@ -21,14 +21,14 @@ class Watched(NamedTuple):
     """The body that each of n cameras looks for in its next frame, (n,) each."""
 
     track_id: Array  # int64, -1 for none
-    x_m: Array  # its nearest point as it is expected then, from the centre of gravity
+    x_m: Array  # its nearest point expected then, from the centre of gravity
     y_m: Array
-    left_px: Array  # columns of its sides as expected then; NaN where they were not seen lately
+    left_px: Array  # expected columns of its sides; NaN if not seen recently
     right_px: Array
 
 
 class RearView(NamedTuple):
-    """What n cameras saw of it, (n,) each; NaN where a side was not to be seen."""
+    """What n cameras saw of it, (n,) each; NaN where a side was not found."""
 
     track_id: Array  # int64, -1 for none
     left_px: Array
@@ -36,7 +36,7 @@ class RearView(NamedTuple):
 
 
 def nobody_watched(n: int) -> Watched:
-    """n cameras with nothing to look for."""
+    """n cameras without a body to look for."""
     return Watched(np.full(n, NOBODY, np.int64), *(np.full(n, np.nan) for _ in range(4)))
 
 
@@ -46,7 +46,7 @@ def nothing_seen(n: int) -> RearView:
 
 
 def look(frames: Array, watched: Watched, projection: Projection) -> RearView:
-    """The sides of the bodies watched in frames (n, rows, columns) uint8 whose last row is the image's."""
+    """The sides of the bodies watched in frames (n, rows, columns) uint8; the last row is the image's."""
     seen = nothing_seen(len(watched.track_id))
     look_fleet(frames, watched, projection, seen)
     return seen
@@ -62,7 +62,7 @@ def watch(
 ) -> Watched:
     """What to look for next: the bodies `track_id` (n,), -1 for none.
 
-    now_m, next_m : (x, y) of each body, (n,), in this frame and the next; turn_rad (n,) : yaw between both.
+    now_m, next_m : (x, y) of each body, (n,), in this frame and the next; turn_rad (n,) : yaw between them.
     """
     shift = projection.focal * np.tan(turn_rad)
     sides = moved_sides(track_id, now_m[0], next_m[0], view, shift, projection.forward, projection.center_x)

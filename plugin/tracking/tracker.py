@@ -1,8 +1,8 @@
-"""The tracker of a fleet: predict, gate, assign, update, begin, confirm, coast, delete, classify.
+"""The tracker of a fleet: predict, gate, assign, update, initiate, confirm, coast, delete, classify.
 
 Tracks of all vehicles lie in flat arrays, sorted by vehicle, with the vehicle's row as `owner`. State is
-explicit: `init(n)`, then `step(state, detections, ego, dt)` gives the next state and the tracks as they are
-now; `reindex` lets vehicles leave and come.
+explicit: `init(n)`, then `step(state, detections, ego, dt)` gives the next state and the present tracks;
+`reindex` removes and adds vehicles.
 """
 
 from typing import Any, NamedTuple, Self
@@ -63,20 +63,20 @@ class Tracks(NamedTuple):
     owner: Array  # int64, row of the vehicle
     track_id: Array  # int64, unique within the vehicle, never used again
     label: Array  # int64, the given target or -1
-    age: Array  # int64, scans since and with the first detection
+    age: Array  # int64, scans since the first detection, including it
     history: Array  # int64, bit i set: detected i scans ago
     unseen_s: Array  # since the last detection
     confirmed: Array  # bool
-    restarts: Array  # int64, how often the filter's covariance was lost and begun anew
+    restarts: Array  # int64, how often the filter's covariance was lost and reset
 
 
 class TrackerState(NamedTuple):
-    """Everything the tracker remembers."""
+    """State of the tracker between scans."""
 
     tracks: Tracks
     classes: ClassState
-    filter: Any  # the filter's own states, and …
-    rows: Array  # … (T,) int64, which of them the tracks' are
+    filter: Any  # the filter's own states
+    rows: Array  # (T,) int64, each track's row among them
     next_id: Array  # (n,) int64
 
 
@@ -121,7 +121,7 @@ class Tracker:
     def reindex(self, state: TrackerState, rows: Array) -> TrackerState:
         """The state for a changed fleet: its vehicle i is the old row rows[i], or a new one where that is -1.
 
-        Tracks of vehicles that are not named are dropped.
+        Tracks of vehicles not in `rows` are dropped.
         """
         rows = np.asarray(rows, np.int64)
         new_row = np.full(len(state.next_id), NONE, np.int64)
@@ -134,7 +134,7 @@ class Tracker:
         return chosen._replace(tracks=chosen.tracks._replace(owner=owner[kept]), next_id=next_id)
 
     def join(self, *states: TrackerState) -> TrackerState:
-        """The state of one fleet after that of the other, whose vehicles follow its own."""
+        """The states of several fleets as one, their vehicles in the order given."""
         vehicles, filtered, moved = 0, 0, []
         followed = [state for state in states if len(state.rows)] or list(states[:1])
         filters = [select(state.filter, slice(_used(state))) for state in followed]
@@ -151,7 +151,7 @@ class Tracker:
 
         Parameters
         ----------
-        detections : D of them in any order.
+        detections : D detections in any order.
         ego : the n vehicles' motion, at the time of the scan.
         dt_s : (n,) array or one number, time since the vehicle's last scan; after a gap longer than
             `coast_s` all its tracks end.
@@ -159,7 +159,7 @@ class Tracker:
         Raises ValueError where a detection or a time step is not a number, or a time step is negative.
         """
         options, filter_, n = self.options, self._filter, len(state.next_id)
-        dt = np.empty(n)  # of its own: one variant of the kernels
+        dt = np.empty(n)  # always a contiguous array: one compiled variant of the kernels
         dt[:] = dt_s
         fit, by_owner, gap = kernels.examine(detections, dt, options.coast_s)
         if not fit:
@@ -202,7 +202,7 @@ class Tracker:
     def _associate(
         self, state: TrackerState, detections: Detections, sensor: SensorMotion
     ) -> tuple[Array, Array, Array, TrackerState]:
-        """Detection of each track or -1, the detections that begin tracks, z, and the state."""
+        """Detection of each track or -1, the detections that start tracks, z, and the state."""
         options = self.options
         z = self._filter.measure(detections)
         *pairs, lost = self._gated(state, detections, z, sensor)
@@ -212,14 +212,14 @@ class Tracker:
         track, detection, distance = pairs
         tracks = state.tracks
         gate = np.where(tracks.label < 0, options.gate, options.label_gate)
-        cost = gate * np.where(tracks.confirmed, 2.0, 1.0)  # a confirmed track has the first choice
+        cost = gate * np.where(tracks.confirmed, 2.0, 1.0)  # confirmed tracks are preferred
         chosen = assign(track, detection, distance, len(z), cost)
         return chosen, unclaimed(track, detection, chosen, tracks.confirmed, len(z)), z, state
 
     def _gated(
         self, state: TrackerState, detections: Detections, z: Array, sensor: SensorMotion
     ) -> tuple[Array, Array, Array, Array]:
-        """As `gate_pairs`: tracks, detections and distances of the pairs, and whose S is lost (T,)."""
+        """Tracks, detections and distances of the pairs, and which S (T,) are lost, as `gate_pairs`."""
         options, tracks = self.options, state.tracks
         expected, S = self._filter.expect(state.filter, tracks.owner, sensor)
         found: tuple[Array, Array, Array, Array] = gate_pairs(
@@ -245,7 +245,7 @@ class Tracker:
 
 
 def _used(state: TrackerState) -> int:
-    """How many of the filter's states, the first ones, hold all that are any track's."""
+    """Number of the filter's leading rows that contain all tracks' states."""
     return int(state.rows.max()) + 1 if len(state.rows) else 0
 
 

@@ -1,4 +1,4 @@
-"""Kernels of the tracker: is its input fit, and which tracks live on, are confirmed and classified."""
+"""Kernels of the tracker: check of its input; which tracks are kept, confirmed, and their classes."""
 
 import math
 from typing import NamedTuple
@@ -23,7 +23,7 @@ class TrackRules(NamedTuple):
 
 @kernel
 def examine(detections, dt, coast):  # type: ignore[no-untyped-def]
-    """Whether detections and dt (n,) are fit, whether they stand by owner, whether some dt exceeds coast."""
+    """Whether detections and dt (n,) are valid, whether sorted by owner, whether some dt exceeds coast."""
     fit, sorted_, gap = True, True, False
     for d in range(len(detections.owner)):
         z = detections.range_m[d] + detections.range_rate_mps[d] + detections.azimuth_rad[d]
@@ -46,7 +46,7 @@ def _hits(history):  # type: ignore[no-untyped-def]
 
 @kernel
 def _jumped(t, tracks, begun):  # type: ignore[no-untyped-def]
-    """Whether a detection that begins a track bears the label of track t."""
+    """Whether a detection that starts a track has the label of track t."""
     for b in range(len(begun.owner)):
         if begun.owner[b] == tracks.owner[t] and begun.label[b] == tracks.label[t]:
             return True
@@ -55,13 +55,13 @@ def _jumped(t, tracks, begun):  # type: ignore[no-untyped-def]
 
 @kernel
 def settle(tracks, classes, next_id, chosen, begun, place, order, estimates, dt, moving, rules):  # type: ignore[no-untyped-def]
-    """The tracks after a scan: those that live on and the new ones, by owner, the new ones last.
+    """The tracks after a scan: those kept and the new ones, by owner, the new ones last.
 
-    tracks, classes : Tracks (T,) before and their ClassState; next_id (n,). chosen (T,) : of the sorted
-    detections, which were at order (D,) before, or -1. begun : Detections (B,) that begin tracks, by owner;
-    place (B,) : theirs among the sorted ones. estimates (10, T + B) : the parts of an Estimate. dt (n,) s,
-    moving (n,) : V_t. Gives the parts of Tracks and of ClassState, next_id, the detections taken (before
-    sorting), and the estimates and rows in T + B of these tracks.
+    tracks, classes : Tracks (T,) before and their ClassState; next_id (n,). chosen (T,) : index in the
+    sorted detections, or -1; order (D,) : their indices before sorting. begun : Detections (B,) that start
+    tracks, by owner; place (B,) : their indices in the sorted ones. estimates (10, T + B) : the parts of an
+    Estimate. dt (n,) s, moving (n,) : V_t. Gives the parts of Tracks and of ClassState, next_id, the
+    detections taken (before sorting), and the estimates and rows in T + B of these tracks.
     """
     T, B = len(chosen), len(place)
     history, unseen, confirmed = np.empty(T, np.int64), np.empty(T), np.empty(T, np.bool_)
@@ -74,7 +74,7 @@ def settle(tracks, classes, next_id, chosen, begun, place, order, estimates, dt,
         confirmed[t] = tracks.confirmed[t] or hits >= rules.confirm_hits
         chances = max(rules.confirm_scans - tracks.age[t] - 1, 0)
         hopeful = confirmed[t] or hits + chances >= rules.confirm_hits
-        distance = estimates[0, t]  # NaN fails every test
+        distance = estimates[0, t]  # NaN fails every comparison
         near = distance > rules.nearest and distance < rules.furthest
         slow = abs(estimates[5, t]) + abs(estimates[6, t]) < rules.fastest
         alive[t] = hopeful and unseen[t] <= rules.coast + 1e-9 and near and slow
@@ -99,7 +99,7 @@ def settle(tracks, classes, next_id, chosen, begun, place, order, estimates, dt,
             cycles[k] = classes.cycles[t]
             detection[k] = order[chosen[t]] if chosen[t] >= 0 else -1
             t += 1
-        else:  # one with a given target is confirmed at once, its association being certain
+        else:  # a given target is confirmed at once: its association is certain
             row[k], owner[k], track_id[k] = T + b, begun.owner[b], next_id[begun.owner[b]]
             label[k], age[k], restarts[k] = begun.label[b], 1, 0
             history_[k], unseen_[k] = 1, 0.0

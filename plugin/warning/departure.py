@@ -1,11 +1,11 @@
-"""Lane-departure warning: when to warn, once an approach, and when to keep quiet.
+"""Lane-departure warning: one warning for each approach to a border, and its suppression.
 
 A warning is due towards a side when the vehicle drifts to it and either the time to lane crossing is at most
 `threshold_s` or the wheel is within `edge_m` of the border. It is given in the zone of ISO 17361 (from
 memory): not earlier than 0.75 m inside the border (1.5 s times the rate of departure between 0.5 and 1 m/s,
-1.5 m above), not later than 0.3 m outside. One warning an approach: the side is armed again when the time to
-crossing is well above the threshold and the wheel back inside, by `rearm_gap_m`, or by `edge_m` once the last
-warning is `rearm_s` ago.
+1.5 m above), not later than 0.3 m outside. One warning for each approach: the side is armed again when the
+time to crossing is well above the threshold and the wheel back inside, by `rearm_gap_m`, or by `edge_m` once
+the last warning is `rearm_s` ago.
 
 A look that stands alone does not warn: one step before, the time to crossing must have been near the
 threshold (`confirm_s` above it) or the wheel near the border. A true approach has been: no lead is lost. Nor
@@ -132,16 +132,16 @@ class DepartureSettings:
 class DepartureState(NamedTuple):
     """The warning of n vehicles, (n,) each."""
 
-    fast: Array  # bool: above the speed from which it works
+    fast: Array  # bool: fast enough for the warning to be active
     active: Array  # int8: side of the warning that is on, +1 left, -1 right, 0 none
     since_s: Array  # since the last warning began
-    served_left: Array  # bool: this approach has had its warning
+    served_left: Array  # bool: this approach has already been warned of
     served_right: Array
-    hold_left_s: Array  # how long the turn signal still excuses
+    hold_left_s: Array  # remaining time of suppression by the turn signal
     hold_right_s: Array
-    near_left: Array  # bool: a warning might have been due one step later
+    near_left: Array  # bool: as `near` of the last step
     near_right: Array
-    crossed: Array  # int8: side of the border of the lane just entered until a wheel is clear of it
+    crossed: Array  # int8: side of the border just crossed, until the wheel is clear of it
 
 
 class DepartureWarning(NamedTuple):

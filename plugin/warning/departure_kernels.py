@@ -1,4 +1,4 @@
-"""Kernel of the lane-departure warning over the fleet: one small state machine a vehicle."""
+"""Kernel of the lane-departure warning over the fleet: one small state machine for each vehicle."""
 
 import math
 from typing import NamedTuple
@@ -35,7 +35,7 @@ class DepartureNumbers(NamedTuple):
 
 @kernel
 def due(tlc, gap, drift, c):  # type: ignore[no-untyped-def]
-    """Whether a warning is due towards one side: TLC, gap of the wheel, rate of departure, each outwards."""
+    """Whether a warning is due towards one side, by its TLC, wheel gap and rate of departure (outwards)."""
     if drift < c.least_drift or gap < -c.latest:
         return False
     earliest = min(max(c.earliest, c.earliest_time * drift), c.earliest_most)
@@ -44,7 +44,7 @@ def due(tlc, gap, drift, c):  # type: ignore[no-untyped-def]
 
 @kernel
 def near(tlc, gap, c):  # type: ignore[no-untyped-def]
-    """Whether a warning may be due one step later: what a true approach has been before."""
+    """Whether a warning may be due one step later, as before any true warning."""
     return tlc <= c.threshold + c.confirm or gap <= 2.0 * c.edge
 
 
@@ -71,7 +71,7 @@ def step(state, crossing, drift, settled, shift, bare, speed, signal, c, new, ou
         crossed = state.crossed[i]
         if shift[i] != 0:
             crossed = -1 if shift[i] > 0 else 1
-            # In another lane now: the border just crossed is behind, and its approach has had its warning.
+            # In another lane now: the border just crossed is behind, and its approach was warned of.
             served_left = served_right = True
         near_left = near_right = False
         started, level = 0, 0
@@ -85,10 +85,10 @@ def step(state, crossing, drift, settled, shift, bare, speed, signal, c, new, ou
             due_left = due_left and bare[0][i] <= c.bare
             due_right = due_right and bare[1][i] <= c.bare
             near_left, near_right = near(left, gap_left, c), near(right, gap_right, c)
-            # Back inside: far enough at once, a little only when the last warning is long ago.
+            # Back inside: by rearm_gap at any time, or by edge if the last warning is long ago.
             inside = c.edge if since >= c.rearm_time - 1e-9 else c.rearm_gap
             clear = c.threshold + c.hysteresis
-            # The border of a lane just entered: as soon as the wheel is over it and moves on.
+            # The border just crossed counts again once the wheel is past it and moves on.
             over_left = crossed > 0 and gap_left > 0.0 and drift[i] < 0.0
             over_right = crossed < 0 and gap_right > 0.0 and drift[i] > 0.0
             if over_left or over_right:

@@ -2,11 +2,11 @@
 
 Each model gives two gaps: below the first the driver is reminded (lift off), below the second warned of
 danger (brake). v and a are the own speed and acceleration, v_l and a_l the leader's, along the lane, in m/s
-and m/s²; c = v - v_l is the closing speed. The road surface scales the decelerations by a share; what a model
-gives as a time only is stretched by as much.
+and m/s²; c = v - v_l is the closing speed. The road surface scales the decelerations by a share; times that
+a model gives directly are divided by it.
 
-The coefficients were written down without the papers at hand, as the literature commonly quotes them; all are
-settings.
+The coefficients are those commonly quoted in the literature, written down without the papers at hand; all
+are settings.
 """
 
 import math
@@ -66,7 +66,7 @@ class SafeDistance:
 
     @property
     def share(self) -> float:
-        """What the surface leaves of the dry decelerations."""
+        """Share of the dry decelerations that the surface allows."""
         return {"dry": 1.0, "wet": self.wet_share, "snow": self.snow_share}[self.surface]
 
 
@@ -127,7 +127,7 @@ def numbers(s: SafeDistance) -> SafeNumbers:
 
 @kernel
 def _root(gap, closing, gain):  # type: ignore[no-untyped-def]
-    """First time at which closing t + gain t²/2 = gap; inf where never. Without cancellation."""
+    """First time at which closing t + gain t²/2 = gap; inf if never. In a form without cancellation."""
     square = closing * closing + 2.0 * gain * gap
     if square < 0.0:
         return math.inf
@@ -137,9 +137,9 @@ def _root(gap, closing, gain):  # type: ignore[no-untyped-def]
 
 @kernel
 def time_to_collision(gap, v, a, v_l, a_l):  # type: ignore[no-untyped-def]
-    """Time until the gap is closed at constant accelerations; inf where it never is, 0 where it is none.
+    """Time until the gap is closed at constant accelerations; inf if it never is, 0 if there is no gap.
 
-    Whoever brakes stands still when stopped, and does not go backwards. a = a_l = 0 gives the gap over the
+    A braking vehicle stops and does not go backwards. a = a_l = 0 gives the gap over the
     closing speed.
     """
     if gap <= 0.0:
@@ -185,7 +185,7 @@ def berkeley(v, v_l, p):  # type: ignore[no-untyped-def]
 
 @kernel
 def _camp_range(v, a, v_l, a_l, delay, p):  # type: ignore[no-untyped-def]
-    # Gap used up during the delay, both going on as now, and after it.
+    # Gap used up during the delay, at constant accelerations, and after it.
     stop = min(delay, v / -a) if a < 0.0 else delay
     stop_l = min(delay, v_l / -a_l) if a_l < 0.0 else delay
     way = v * stop + 0.5 * a * stop * stop
@@ -196,7 +196,7 @@ def _camp_range(v, a, v_l, a_l, delay, p):  # type: ignore[no-untyped-def]
     if stop_l < delay:
         v2 = 0.0
     moving = 0.080 if v2 > 0.0 else 0.0
-    # In g; for a leader that would brake even less than nothing the driver's braking stays a braking.
+    # In g; bounded so that the driver always brakes.
     need = -0.165 + 0.685 * min(a_l, 0.0) / _G + moving - 0.00889 * (v1 - v2)
     brake = -min(need, -0.05) * _G * p.share
     used = way - way_l
@@ -205,7 +205,7 @@ def _camp_range(v, a, v_l, a_l, delay, p):  # type: ignore[no-untyped-def]
     if v2 <= 0.0:
         return used + v1 * v1 / (2.0 * brake)
     if a_l > -brake:
-        same = (v1 - v2) / (a_l + brake)  # when both are equally fast
+        same = (v1 - v2) / (a_l + brake)  # time of equal speeds
         if a_l >= 0.0 or same <= v2 / -a_l:
             return used + 0.5 * (v1 - v2) * same
     return used + v1 * v1 / (2.0 * brake) - v2 * v2 / (-2.0 * a_l)
@@ -228,7 +228,7 @@ def _closed_within(v, a, v_l, a_l, time):  # type: ignore[no-untyped-def]
     most = 0.0
     stop = v / -a if a < 0.0 else math.inf
     stop_l = v_l / -a_l if a_l < 0.0 else math.inf
-    equal = (v - v_l) / (a_l - a) if a_l > a else math.inf  # the gap is least when both are equally fast
+    equal = (v - v_l) / (a_l - a) if a_l > a else math.inf  # the gap is least at equal speeds
     for t in (time, min(time, max(equal, 0.0)), min(time, stop), min(time, stop_l)):
         t1, t2 = min(t, stop), min(t, stop_l)
         most = max(most, v * t1 + 0.5 * a * t1 * t1 - v_l * t2 - 0.5 * a_l * t2 * t2)

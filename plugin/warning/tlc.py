@@ -10,9 +10,9 @@ from sumo_net.vehicle import Vehicle
 
 
 class Crossing(NamedTuple):
-    """When and where the vehicle will leave its lane, (n,) each; NaN where nothing is known."""
+    """When and on which side the vehicle will leave its lane, (n,) each; NaN where unknown."""
 
-    tlc_s: Array  # the first crossing; inf: none within the horizon; 0: a wheel is over a border already
+    tlc_s: Array  # the first crossing; inf: none within the horizon; 0: a wheel is already over a border
     side: Array  # int8: +1 left, -1 right, 0 none
     left_s: Array  # of the left front wheel over the left border
     right_s: Array
