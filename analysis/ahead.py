@@ -52,9 +52,9 @@ class Driven:
         self._observed, motion = observer.step(self._observed, self._schedule, lane, speed)
         ahead = predict(motion, speed, self._predictor)
         crossing = time_to_lane_crossing(motion, ahead, self._vehicle)
-        bare_m = lane.left_bare_m, lane.right_bare_m
+        unseen_m = lane.left_unseen_m, lane.right_unseen_m
         self._warned, warning = departure.step(
-            self._warned, crossing, motion, bare_m, speed, np.zeros(1, np.int8), self._numbers
+            self._warned, crossing, motion, unseen_m, speed, np.zeros(1, np.int8), self._numbers
         )
         if np.isfinite(ahead.left_m[0]).all():
             path = path_in_image(ahead.forward_m[0], ahead.left_m[0], self._projection)

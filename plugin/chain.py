@@ -125,9 +125,9 @@ class Chain:
         observing, motion = observer.step(before.observer, self._observing, sight.lane, speed, own.observed)
         path = prediction.predict(motion, speed, self._predicting)
         crossing = time_to_lane_crossing(motion, path, self._vehicle, half_span_m)
-        bare_m = sight.lane.left_bare_m, sight.lane.right_bare_m
+        unseen_m = sight.lane.left_unseen_m, sight.lane.right_unseen_m
         warning_state, warning = departure.step(
-            before.departure, crossing, motion, bare_m, speed, truth.signal, self._warning
+            before.departure, crossing, motion, unseen_m, speed, truth.signal, self._warning
         )
         readings = self._own.for_radar(own, observing, motion)
         ranging, tracked, echo = self._ranging.step(

@@ -122,8 +122,8 @@ def looks(
                 preview_heading_rad=-psi + near * PREVIEW_M + rate * PREVIEW_M**2 / 2,
                 left_border_seen=np.ones(copies, bool),
                 right_border_seen=np.ones(copies, bool),
-                left_bare_m=np.zeros(copies),
-                right_bare_m=np.zeros(copies),
+                left_unseen_m=np.zeros(copies),
+                right_unseen_m=np.zeros(copies),
                 lane_shift=np.zeros(copies, np.int8),
             )
         )

@@ -99,8 +99,8 @@ def _look(offset_m: float, heading_rad: float) -> LaneEstimate:
         preview_heading_rad=ROAD_1PM * PREVIEW_M - psi,
         left_border_seen=np.ones(1, bool),
         right_border_seen=np.ones(1, bool),
-        left_bare_m=0.0 * one,
-        right_bare_m=0.0 * one,
+        left_unseen_m=0.0 * one,
+        right_unseen_m=0.0 * one,
         lane_shift=np.zeros(1, np.int8),
     )
 

@@ -29,6 +29,6 @@ class LaneEstimate(NamedTuple):
     preview_heading_rad: Array  # e_L: lane heading minus vehicle heading there
     left_border_seen: Array  # bool: measured in this frame, not only predicted
     right_border_seen: Array  # bool
-    left_bare_m: Array  # driven since paint of that border was seen near by; known also where not locked
-    right_bare_m: Array
+    left_unseen_m: Array  # driven since paint of that border was seen nearby; also while not locked
+    right_unseen_m: Array
     lane_shift: Array  # int8: +1 the estimate moved to the lane on the left since the last step, -1 right

@@ -103,8 +103,8 @@ def lane_estimate_from_borders(
         preview_heading_rad=np.empty(n),
         left_border_seen=np.empty(n, np.bool_),
         right_border_seen=np.empty(n, np.bool_),
-        left_bare_m=np.zeros(n),
-        right_bare_m=np.zeros(n),
+        left_unseen_m=np.zeros(n),
+        right_unseen_m=np.zeros(n),
         lane_shift=np.array(shifted, np.int8),
     )
     lane_estimate_kernel(

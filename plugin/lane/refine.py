@@ -175,7 +175,7 @@ class LaneState(NamedTuple):
     age: Array  # (n,) int32 frames since the start
     found: Array  # (n, 2) share of rows where the left and the right border was seen
     beside: Array  # (n, 2) share of rows where the outer line of the lane to the left, right was seen lately
-    bare_m: Array  # (n, 2) driven since paint of the left, the right border was seen near by; inf: never
+    unseen_m: Array  # (n, 2) driven since paint of the left, the right border was seen nearby; inf: never
     reach_m: Array  # (n,) how far ahead paint was seen lately
     share: Array  # (n, 2) what that usually is on this road
     proof: Array  # (n,) int32 frames since the start in which both borders were seen

@@ -87,7 +87,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
         copy_vector(old.share[i], new.share[i])
         copy_vector(old.beside[i], new.beside[i])
         for side in range(2):
-            new.bare_m[i, side] = old.bare_m[i, side] + speed[i] * t.step_s
+            new.unseen_m[i, side] = old.unseen_m[i, side] + speed[i] * t.step_s
         if status == SEARCHING:
             misses, age, proof, phase = 0, 0, 0, 0.0
             support = start(
@@ -110,7 +110,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
             )
             if support > 0:
                 seen_left, seen_right = True, True
-                new.bare_m[i, :] = math.inf
+                new.unseen_m[i, :] = math.inf
                 status = LOCKED if support >= t.lock_rows else TENTATIVE
                 for side in range(2):
                     found, expected = tally(work, side)
@@ -142,8 +142,8 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                         new.share[i, side] = new.beside[i, side]
                         new.beside[i, 1 - side] = max(old.share[i, 1 - side], 2.0 * t.neighbour_share)
                         new.beside[i, side] = 0.0
-                        new.bare_m[i, 1 - side] = new.bare_m[i, side]
-                        new.bare_m[i, side] = math.inf
+                        new.unseen_m[i, 1 - side] = new.unseen_m[i, side]
+                        new.unseen_m[i, side] = math.inf
                         copy_vector(x, before)
                         good = invert(P, work.factor, work.prior)
                         predict_spread(x, P, phase, rows, p, t, work)
@@ -184,7 +184,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                 if status == TENTATIVE or misses > t.patience_frames or not plausible(x, speed[i], t):
                     status = SEARCHING
         seen_m = farthest_found(rows, x, p, work) if seen_left or seen_right else 0.0
-        _note_near(new.bare_m[i], seen_left, seen_right, x, rows, p, t, work)
+        _note_near(new.unseen_m[i], seen_left, seen_right, x, rows, p, t, work)
         doubtful = np.bool_(False)
         for side in range(2):
             in_view = expected_left if side == LEFT else expected_right
@@ -243,8 +243,8 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
                 phase = 0.0
                 rival[LOOKS] = 0.0
                 misses, seen_left, seen_right = 0, True, True
-                new.bare_m[i, :] = math.inf
-                _note_near(new.bare_m[i], seen_left, seen_right, x, rows, p, t, work)
+                new.unseen_m[i, :] = math.inf
+                _note_near(new.unseen_m[i], seen_left, seen_right, x, rows, p, t, work)
                 if fresh >= t.lock_rows:
                     status = LOCKED
         one_sided = 0 if seen_left and seen_right else old.one_sided[i] + 1
@@ -267,12 +267,12 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
 
 
 @kernel
-def _note_near(bare, seen_left, seen_right, x, rows, p, t, work):  # type: ignore[no-untyped-def]
+def _note_near(unseen, seen_left, seen_right, x, rows, p, t, work):  # type: ignore[no-untyped-def]
     """Begin to count anew the metres (2,) since paint of a border was seen near by, where it is."""
     for side in range(2):
         seen = seen_left if side == LEFT else seen_right
         if seen and nearest_found(side, rows, x, p, work) <= t.near_m:
-            bare[side] = 0.0
+            unseen[side] = 0.0
 
 
 @kernel
@@ -281,7 +281,7 @@ def _report(i, x, phase, status, seen_left, seen_right, shift, p, t, node, new, 
     out.locked[i] = locked
     out.left_border_seen[i] = seen_left and locked
     out.right_border_seen[i] = seen_right and locked
-    out.left_bare_m[i], out.right_bare_m[i] = new.bare_m[i, LEFT], new.bare_m[i, RIGHT]
+    out.left_unseen_m[i], out.right_unseen_m[i] = new.unseen_m[i, LEFT], new.unseen_m[i, RIGHT]
     out.lane_shift[i] = shift if locked else 0
     score = 0.0
     for side in range(2):

@@ -51,7 +51,6 @@ class ClassSettings:
     k2_s: float = Field(
         0.1, ge=0, description="k₂, factor of the ego acceleration: one cycle of delay of the ego speed"
     )
-    k2_s: float = Field(0.1, ge=0, description="times the ego acceleration: the ego speed is one cycle late")
     oncoming_speed_mps: float = Field(-3.0, lt=0, description="V_x, as published")
     near_zero_mps: float = Field(
         0.5, ge=0, description="speed below which an object counts as near 0 (stopping)"

@@ -10,7 +10,7 @@ the last warning is `rearm_s` ago.
 A look that stands alone does not warn: one step before, the time to crossing must have been near the
 threshold (`confirm_s` above it) or the wheel near the border. A true approach has been: no lead is lost. Nor
 does an estimate that the camera's looks have just contradicted (`consistent_s`): it may be another lane's.
-Nor is there a warning of a border that is only drawn on from paint far ahead, beyond a junction (`bare_m`).
+Nor is there a warning of a border that is only extrapolated from paint far ahead, as across a junction (`unseen_m`).
 """
 
 from typing import NamedTuple
@@ -74,7 +74,7 @@ class DepartureSettings:
     consistent_s: float = Field(
         0.2, ge=0, description="time without a contradicting camera measurement that is needed for a warning"
     )
-    bare_m: float = Field(
+    unseen_m: float = Field(
         15.0,
         ge=0,
         description="distance driven since paint of a border was seen nearby, beyond which it does not warn",
@@ -161,7 +161,7 @@ def numbers(settings: DepartureSettings, step_s: float = 0.1) -> DepartureNumber
         c.hysteresis_s,
         c.confirm_s,
         c.consistent_s,
-        c.bare_m,
+        c.unseen_m,
         c.edge_m,
         c.least_drift_mps,
         c.earliest_m,
@@ -200,21 +200,21 @@ def step(
     state: DepartureState,
     crossing: Crossing,
     motion: MotionEstimate,
-    bare_m: tuple[Array, Array],
+    unseen_m: tuple[Array, Array],
     speed_mps: Array,
     signal: Array,
     numbers: DepartureNumbers,
 ) -> tuple[DepartureState, DepartureWarning]:
     """One step for n vehicles; signal (n,) is the turn signal, +1 left, -1 right, 0 none.
 
-    bare_m : of the left (n,) and the right border (n,), as in LaneEstimate.
+    unseen_m : of the left (n,) and the right border (n,), as in LaneEstimate.
     """
     n = len(speed_mps)
     heading = motion.heading_error_rad
     drift = speed_mps * np.sin(heading) + motion.lateral_speed_mps * np.cos(heading)
     new, out = init(n), DepartureWarning(*(np.zeros(n, np.int8) for _ in range(4)))
     departure_kernels.step(
-        state, crossing, drift, motion.settled_s, motion.lane_shift, bare_m, speed_mps, signal, numbers, new,
+        state, crossing, drift, motion.settled_s, motion.lane_shift, unseen_m, speed_mps, signal, numbers, new,
         out,
     )  # fmt: skip
     return new, out

@@ -15,7 +15,7 @@ class DepartureNumbers(NamedTuple):
     hysteresis: float
     confirm: float
     consistent: float
-    bare: float
+    unseen: float
     edge: float
     least_drift: float
     earliest: float
@@ -49,11 +49,11 @@ def near(tlc, gap, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step(state, crossing, drift, settled, shift, bare, speed, signal, c, new, out):  # type: ignore[no-untyped-def]
+def step(state, crossing, drift, settled, shift, unseen, speed, signal, c, new, out):  # type: ignore[no-untyped-def]
     """One step for n vehicles; the new DepartureState into `new`, DepartureWarning into `out`.
 
     drift (n,) m/s, left positive; settled (n,) s that the estimate is without contradiction; shift (n,) lanes
-    that the offset moved by; bare : metres driven since paint of the left (n,) and the right border (n,) was
+    that the offset moved by; unseen : metres driven since paint of the left (n,) and the right border (n,) was
     seen near by; signal (n,) +1 left, -1 right.
     """
     for i in range(speed.size):
@@ -82,8 +82,8 @@ def step(state, crossing, drift, settled, shift, bare, speed, signal, c, new, ou
             sure = settled[i] >= c.consistent - 1e-9
             due_left = sure and due(left, gap_left, drift[i], c) and state.near_left[i]
             due_right = sure and due(right, gap_right, -drift[i], c) and state.near_right[i]
-            due_left = due_left and bare[0][i] <= c.bare
-            due_right = due_right and bare[1][i] <= c.bare
+            due_left = due_left and unseen[0][i] <= c.unseen
+            due_right = due_right and unseen[1][i] <= c.unseen
             near_left, near_right = near(left, gap_left, c), near(right, gap_right, c)
             # Back inside: by rearm_gap at any time, or by edge if the last warning is long ago.
             inside = c.edge if since >= c.rearm_time - 1e-9 else c.rearm_gap

@@ -30,7 +30,7 @@ INSIDE_M = 1.125  # the car's centre may be so far off before a wheel is on the 
 
 def play(
     offset, drift, v=25.0, signal=0, shift=0, settings=None, state=None, known=True, settled=np.inf,
-    bare=(0.0, 0.0),
+    unseen=(0.0, 0.0),
 ):  # fmt: skip
     """Run k steps over offsets and drifts (k,) or (k, n); returns the warnings as columns (k, n)."""
     offset = np.asarray(offset, float)
@@ -42,15 +42,15 @@ def play(
 
     drift, v, known = column(drift), column(v), column(known, bool)
     signal, shift, settled = column(signal, np.int8), column(shift, np.int8), column(settled)
-    bare = [column(side) for side in bare]
+    unseen = [column(side) for side in unseen]
     numbers = departure.numbers(settings or DepartureSettings())
     state, out = state or departure.init(offset.shape[1]), []
     for k in range(len(offset)):
         m = motion(lateral_speed=drift[k], offset=np.where(known[k], offset[k], np.nan))
         m = m._replace(lane_shift=shift[k].copy(), settled_s=settled[k].copy())
         crossing = time_to_lane_crossing(m, constant_velocity(m, v[k].copy(), PREDICTOR), HALF)
-        bare_m = bare[0][k].copy(), bare[1][k].copy()
-        state, warning = departure.step(state, crossing, m, bare_m, v[k].copy(), signal[k].copy(), numbers)
+        unseen_m = unseen[0][k].copy(), unseen[1][k].copy()
+        state, warning = departure.step(state, crossing, m, unseen_m, v[k].copy(), signal[k].copy(), numbers)
         out.append(warning)
     return departure.DepartureWarning(*(np.array(part) for part in zip(*out, strict=True)))
 
@@ -76,13 +76,13 @@ def test_warns_once_a_second_before_the_crossing():
 def test_a_border_that_is_only_drawn_on_from_far_ahead_does_not_warn():
     """In a junction the lines beyond it are followed; where they would be beside the car, none is painted."""
     offset, drift = drift_out()
-    limit = DepartureSettings().bare_m
-    assert not play(offset, drift, bare=(limit + 0.1, 0.0)).started.any()
-    assert not play(offset, drift, bare=(np.inf, 0.0)).started.any()
-    assert play(offset, drift, bare=(limit, np.inf)).started.sum() == 1
-    assert play(-offset, -drift, bare=(np.inf, limit)).started.sum() == -1
+    limit = DepartureSettings().unseen_m
+    assert not play(offset, drift, unseen=(limit + 0.1, 0.0)).started.any()
+    assert not play(offset, drift, unseen=(np.inf, 0.0)).started.any()
+    assert play(offset, drift, unseen=(limit, np.inf)).started.sum() == 1
+    assert play(-offset, -drift, unseen=(np.inf, limit)).started.sum() == -1
     again = np.where(np.arange(len(offset)) < 25, 30.0, 0.0)  # paint comes near, late as it is
-    begun = np.flatnonzero(play(offset, drift, bare=(again, 0.0)).started[:, 0])
+    begun = np.flatnonzero(play(offset, drift, unseen=(again, 0.0)).started[:, 0])
     assert begun.tolist() == [25]
 
 

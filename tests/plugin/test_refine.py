@@ -231,7 +231,7 @@ def test_how_far_it_is_since_paint_was_seen_near_by():
     """As before a junction: the lines beyond it are followed, those beside the car have ended."""
     n, drive = 2, Drive(2)
     rng = np.random.default_rng(0)
-    state, bare = init(n), []
+    state, unseen = init(n), []
     first_row = 239 - int(image_from_vehicle(32.0, 0.0, 0.0, P)[1])
     for k in range(40):
         drive.frame(np.zeros(n), np.zeros(n))
@@ -240,12 +240,12 @@ def test_how_far_it_is_since_paint_was_seen_near_by():
             near[:] = rng.normal(98, 3, near.shape)
         state, lane = step(drive.frames, None, None, state, P, np.full(n, drive.speed), NO_SLIP)
         assert lane.locked.all()
-        bare.append([lane.left_bare_m, lane.right_bare_m])
-    bare = np.array(bare)
+        unseen.append([lane.left_unseen_m, lane.right_unseen_m])
+    unseen = np.array(unseen)
     driven = 0.1 * drive.speed * np.arange(1, 11)
-    assert bare[20:30] == pytest.approx(np.broadcast_to(driven[:, None, None], (10, 2, n)))
-    assert (bare[30:] == 0.0).mean() > 0.9
-    assert (bare[5:20] == 0.0).mean() > 0.9
+    assert unseen[20:30] == pytest.approx(np.broadcast_to(driven[:, None, None], (10, 2, n)))
+    assert (unseen[30:] == 0.0).mean() > 0.9
+    assert (unseen[5:20] == 0.0).mean() > 0.9
 
 
 def test_a_border_behind_a_body_raises_no_doubt():
