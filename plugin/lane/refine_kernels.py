@@ -268,7 +268,7 @@ def step_kernel(frames, left, right, given, hidden, old, rows, p, speed, yaw_rat
 
 @kernel
 def _note_near(unseen, seen_left, seen_right, x, rows, p, t, work):  # type: ignore[no-untyped-def]
-    """Begin to count anew the metres (2,) since paint of a border was seen near by, where it is."""
+    """Reset the metres (2,) driven since paint of a border was seen nearby, where it is seen now."""
     for side in range(2):
         seen = seen_left if side == LEFT else seen_right
         if seen and nearest_found(side, rows, x, p, work) <= t.near_m:

@@ -10,7 +10,8 @@ the last warning is `rearm_s` ago.
 A look that stands alone does not warn: one step before, the time to crossing must have been near the
 threshold (`confirm_s` above it) or the wheel near the border. A true approach has been: no lead is lost. Nor
 does an estimate that the camera's looks have just contradicted (`consistent_s`): it may be another lane's.
-Nor is there a warning of a border that is only extrapolated from paint far ahead, as across a junction (`unseen_m`).
+Nor is there a warning of a border that is only extrapolated from paint far ahead, as across a junction
+(`unseen_m`).
 """
 
 from typing import NamedTuple
@@ -214,7 +215,7 @@ def step(
     drift = speed_mps * np.sin(heading) + motion.lateral_speed_mps * np.cos(heading)
     new, out = init(n), DepartureWarning(*(np.zeros(n, np.int8) for _ in range(4)))
     departure_kernels.step(
-        state, crossing, drift, motion.settled_s, motion.lane_shift, unseen_m, speed_mps, signal, numbers, new,
-        out,
+        state, crossing, drift, motion.settled_s, motion.lane_shift, unseen_m, speed_mps, signal, numbers,
+        new, out,
     )  # fmt: skip
     return new, out

@@ -53,8 +53,8 @@ def step(state, crossing, drift, settled, shift, unseen, speed, signal, c, new, 
     """One step for n vehicles; the new DepartureState into `new`, DepartureWarning into `out`.
 
     drift (n,) m/s, left positive; settled (n,) s that the estimate is without contradiction; shift (n,) lanes
-    that the offset moved by; unseen : metres driven since paint of the left (n,) and the right border (n,) was
-    seen near by; signal (n,) +1 left, -1 right.
+    that the offset moved by; unseen : metres driven since paint of the left (n,) and the right border (n,)
+    was seen nearby; signal (n,) +1 left, -1 right.
     """
     for i in range(speed.size):
         v, code = speed[i], READY
