@@ -7,6 +7,7 @@ from sumo_net.lane_graph import Connection, LaneGraph
 BEHIND_M = 100.0  # the fit's end effects have faded 60 m behind the lane
 AHEAD_M = 260.0  # and 220 m beyond it
 _MOST_LANES = 1000
+_STANDS_M = 10.0  # so long may a vehicle be that begins at the end of a lane
 
 
 class Piece(NamedTuple):
@@ -40,13 +41,13 @@ def lanes_behind(graph: LaneGraph, lane: str, came_from: str = "") -> list[str]:
     """Lanes that lead to `lane`, in driving order, over BEHIND_M or more where the road is long enough.
 
     `came_from`: the lane the vehicle was on before. Without it, the vehicle begins here and has turned round
-    no corner: only ways that lead straight on, and in a junction the one that it stands on.
+    no corner: only ways that lead straight on, but for those that it stands on itself.
     """
     found: list[str] = []
-    length, at = 0.0, lane
+    length, at, own_m = 0.0, lane, graph.lanes[lane].length_m
     while length < BEHIND_M and len(found) < _MOST_LANES:
         inward = [c for c in graph.inward.get(at, []) if c.direction != "t" or c.source == came_from]
-        if not came_from and not graph.lanes[at].internal:
+        if not came_from and not graph.lanes[at].internal and own_m + length > _STANDS_M:
             inward = [c for c in inward if c.direction == "s"]
         if not inward:
             break

@@ -135,3 +135,11 @@ def test_the_lane_it_came_from_decides_what_lies_behind(tmp_path):
     graph = lane_graph.read(written(tmp_path, net(*edges, connections=ways)))
     assert lane_chain.lanes_behind(graph, "c_0") == ["a_0"]
     assert lane_chain.lanes_behind(graph, "c_0", came_from="b_0") == ["b_0"]
+
+
+def test_who_begins_on_a_lane_shorter_than_a_vehicle_stands_on_those_behind_it(tmp_path):
+    edges = [edge("a", 0), edge("b", 100), edge("c", 200).replace('length="100"', 'length="2"')]
+    ways = connection("a", "b", "l") + connection("b", "c", "r")
+    graph = lane_graph.read(written(tmp_path, net(*edges, connections=ways)))
+    assert lane_chain.lanes_behind(graph, "c_0") == ["b_0"]
+    assert lane_chain.lanes_behind(graph, "b_0") == []
