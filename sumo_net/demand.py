@@ -59,7 +59,9 @@ class Truck(Car):
     height_m: float = Field(3.8, gt=0.5, le=5)
     max_speed_mps: float = Field(24.5, gt=5, le=100)
     acceleration_mps2: float = Field(1.1, gt=0, le=10)
-    speed_factor_deviation: float = Field(0.05, ge=0, le=0.5)
+    speed_factor_deviation: float = Field(
+        0.05, ge=0, le=0.5, description="standard deviation of the speed factor"
+    )
 
 
 @settings
@@ -77,10 +79,10 @@ class HurriedDriver(Driver):
     """Drivers who follow closely; without them no vehicles come near a collision."""
 
     share: float = Field(0.1, ge=0, le=1, description="share of the cars")
-    tau_s: float = Field(0.4, ge=0.1, le=10)
-    min_gap_m: float = Field(1.0, ge=0, le=20)
-    sigma: float = Field(0.9, ge=0, le=1)
-    action_step_s: float = Field(1.0, ge=0.1, le=3)
+    tau_s: float = Field(0.4, ge=0.1, le=10, description="desired time gap")
+    min_gap_m: float = Field(1.0, ge=0, le=20, description="gap at standstill")
+    sigma: float = Field(0.9, ge=0, le=1, description="driver imperfection of the Krauss model")
+    action_step_s: float = Field(1.0, ge=0.1, le=3, description="interval between the driver's decisions")
 
 
 @settings
