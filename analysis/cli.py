@@ -15,14 +15,14 @@ from analysis.commands.common import errors
 app = typer.Typer(
     invoke_without_command=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
 )
-# typer has a copy of click in its newer releases: this class is where both have it
+# newer releases of typer contain a copy of click: this finds the class in either
 _UsageError: Any = typer.BadParameter.__base__
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: every expected error is one line on standard error and exit status 2."""
-    gc.set_threshold(50_000, 20, 20)  # imports make objects that stay: to look through them often is a waste
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ended by a batch system: rows are kept, too
+    gc.set_threshold(50_000, 20, 20)  # objects of imports stay alive: fewer collections save time
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # keeps the rows, as Ctrl-C does
     try:
         status = app(arguments, standalone_mode=False)
     except _UsageError as error:
@@ -62,7 +62,7 @@ app.command(short_help="Run a campaign, or what is missing of it.")(campaigns.ba
 app.command(short_help="Evaluate other warning thresholds on a campaign's steps.")(campaigns.sweep)
 app.command(short_help="Make a video of a drive: camera, warnings, view from above.")(drives.video)
 app.command()(recordings.detect)
-app.command(short_help="Propose a camera file from straight roads.")(recordings.calibrate)
+app.command(short_help="Propose a camera file from images of a straight road.")(recordings.calibrate)
 app.command()(recordings.track)
 app.command(short_help="Write one HTML page on a run, a campaign or a recorded drive.")(pictures.report)
 app.command(short_help="Draw one figure of a run, a campaign or a recorded drive.")(pictures.plot)

@@ -9,8 +9,8 @@ from analysis.cli import app
 
 _HEADER = """# Commands
 
-Made from the commands by `python -m analysis.command_reference > docs/commands.md`; the option
-`--help` of each says the same. Errors are one line on standard error and exit status 2.
+Generated from the commands by `python -m analysis.command_reference > docs/commands.md`; the option
+`--help` of each command prints the same. Errors are one line on standard error and exit status 2.
 
 """
 

@@ -1,10 +1,10 @@
-"""What a campaign takes, estimated before it runs."""
+"""Estimated computing time and disk space of a campaign, before it runs."""
 
 import dask
 
 from analysis.campaign.plan import Plan
 
-START_S = 1.0  # core seconds a run: network, SUMO
+START_S = 1.0  # core seconds per run: network, SUMO
 PER_SIMULATED_S = 0.13  # core seconds, default scenario with 20 equipped vehicles
 BYTES_PER_RUN = 75_000  # counts and events
 KEPT_BYTES_PER_S = {
@@ -15,7 +15,7 @@ KEPT_BYTES_PER_S = {
 
 
 def estimate(plan: Plan, workers: int | None = None) -> str:
-    """Time and disk in words, by what the default scenario took where these figures were measured."""
+    """Time and disk space as text, extrapolated from the default scenario on the measuring machine."""
     count = workers or dask.system.CPU_COUNT
     seconds = len(plan.runs) * START_S + plan.recorded_s * PER_SIMULATED_S
     disk = float(len(plan.runs) * BYTES_PER_RUN)

@@ -1,7 +1,7 @@
 """The runs of a campaign on Dask: a cluster on this machine, or an existing scheduler by its address.
 
-A worker starts each run as a process of its own, forked from one that has everything loaded, and moves the
-result in whole. What is there already is not run again: the same command resumes after any interruption.
+A worker starts each run in a separate process, forked from one that has everything loaded, and moves the
+result in as a whole. Finished runs are not repeated: the same command resumes after any interruption.
 """
 
 import contextlib
@@ -27,15 +27,15 @@ from sumo_net.settings import SettingsError
 from sumo_net.traffic import TrafficError
 
 _AHEAD = 3  # runs handed to the scheduler per worker
-_LINES = 3  # of what a failed run said
+_LINES = 3  # kept of a failed run's standard error
 _DASK = {
     "distributed.scheduler.allowed-failures": 3,
     "distributed.comm.timeouts.connect": "10s",
-    # Its watching of itself, 50 times a second, takes 3 % of a core.
+    # Dask's own profiling, 50 times a second, takes 3 % of a core.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
-    # Logs that nobody reads: at their usual lengths memory grows for thousands of runs until they are full.
+    # Logs that are never read: at their default lengths memory grows over thousands of runs.
     "distributed.admin.system-monitor.log-length": 60,
     "distributed.admin.log-length": 100,
     "distributed.admin.low-level-log-length": 100,
@@ -44,21 +44,21 @@ _DASK = {
 
 
 class Progress(NamedTuple):
-    """How far a campaign is."""
+    """Progress of a campaign."""
 
     total: int
-    done: int  # those that were there before, too
+    done: int  # including those of earlier calls
     failed: int
-    last: "Done | None" = None  # the run that ended last
+    last: "Done | None" = None  # the run that has just ended
 
 
 class Done(NamedTuple):
-    """What a worker says of one run."""
+    """A worker's report on one run."""
 
-    seconds: float  # on the clock, all that the worker did for it
-    run_s: float  # of these, the run's own process
+    seconds: float  # wall-clock, all of the worker's work for it
+    run_s: float  # wall-clock, the run's own process
     cpu_s: float  # processor time of that process
-    cause: str  # of its failure, or ''
+    cause: str  # of the failure, '' if it succeeded
 
 
 def run(
@@ -70,10 +70,10 @@ def run(
     compare_paper: bool = False,
     tell: Callable[[Progress], None] = lambda progress: None,
 ) -> dict[str, dict[str, Any]]:
-    """Run what is missing of a campaign into `out`; the failures' causes and attempts by key.
+    """Run the missing runs of a campaign into `out`; returns the failures' causes and attempts by key.
 
-    workers : processes at once of the cluster on this machine; default: one a core.
-    scheduler : address of an existing Dask scheduler, instead.
+    workers : concurrent processes of the cluster on this machine; default: one for each core.
+    scheduler : address of an existing Dask scheduler to use instead.
 
     Raises SettingsError before anything is run or overwritten.
     """
@@ -84,7 +84,7 @@ def run(
     missing = [one for one in plan.runs if one.key not in there]
     with _client(workers, scheduler) as client:
         if missing:
-            _check_workers(client)  # nothing has been written so far
+            _check_workers(client)  # before anything is written
         store.claim(plan.campaign.title, what, len(plan.runs))
         store.sweep_up()
         store.describe(
@@ -149,18 +149,18 @@ def _work(
 def _outcome(future: Any) -> Done:
     try:
         done: Done = future.result()
-    except Exception as error:  # the worker died of it, several times
+    except Exception as error:  # the worker died of it repeatedly
         nothing = float("nan")
         words = f"{type(error).__name__}: {' '.join(str(error).split())[:500]}"
         return Done(nothing, nothing, nothing, words)
     return done
 
 
-_server = ForkServer()  # of this process, for all of a worker's threads
+_server = ForkServer()  # one for each process, shared by a worker's threads
 
 
 def work_off(order: dict[str, Any], address: str) -> Done:
-    """On a worker: one run."""
+    """One run, on a worker."""
     begin = time.monotonic()
 
     def done(run_s: float, cpu_s: float, cause: str) -> Done:
@@ -201,14 +201,14 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Client]:
             with client:
                 yield client
             return
-        # The runs are processes of their own: the workers that wait for them can be threads of this one.
+        # Runs are separate processes: the workers that wait for them can be threads of this process.
         with (
             LocalCluster(
                 n_workers=workers or dask.system.CPU_COUNT,
                 threads_per_worker=1,
                 processes=False,
                 memory_limit=0,
-                dashboard_address="127.0.0.1:0",  # any port: the usual one may be taken
+                dashboard_address="127.0.0.1:0",  # any port: the default may be in use
             ) as cluster,
             Client(cluster) as client,
         ):
@@ -219,12 +219,12 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Client]:
 
 
 def _check_workers(client: Client) -> None:
-    """Raises SettingsError where a worker cannot run anything, or has other versions than are here."""
+    """Raises SettingsError if a worker cannot run anything, or has other versions than this process."""
     if not client.nthreads():
         raise SettingsError("the scheduler has no workers: start some, as in `dask worker ADDRESS`")
 
     def ready() -> tuple[str, str]:
-        # Sent as it is, for a worker without sumo-adas: it names nothing of this module.
+        # Sent by value, for a worker without sumo-adas: must not refer to this module.
         import importlib
 
         missing = []

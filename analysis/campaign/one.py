@@ -1,6 +1,6 @@
-"""One run of a campaign, to be called in a process of its own.
+"""One run of a campaign, to be called in a separate process.
 
-SUMO, its memory and whatever may go wrong in it end with the process.
+SUMO, its memory and any crash end with the process.
 """
 
 import json
@@ -10,11 +10,11 @@ from analysis.campaign.tally import TABLES, tally
 from analysis.simulate import simulate
 from plugin.record import read_table
 
-EVENTS = ("warnings", "departures", "conflicts")  # small: they are always kept
+EVENTS = ("warnings", "departures", "conflicts")  # small, so always kept
 
 
 def one(order: dict[str, object], folder: Path) -> None:
-    """Run it into `folder`: summary.json, and the tables that are kept."""
+    """Run `order` into `folder`: summary.json, and the tables to keep."""
     simulate(
         str(order["scenario"]),
         folder,

@@ -1,4 +1,4 @@
-"""What a campaign consists of: the file, its cells and runs, checked whole before the first run."""
+"""The plan of a campaign: the file, its cells and runs, all checked before the first run."""
 
 import difflib
 import functools
@@ -22,8 +22,8 @@ from sumo_net.randomness import generator
 from sumo_net.scenario import laid_over, scenario_mapping
 from sumo_net.settings import SettingsError, read, read_toml, settings
 
-MOST_RUNS = 100_000  # each is checked before the first one begins
-_OWN = ("seed", "duration_s")  # have their places in the file
+MOST_RUNS = 100_000  # all are checked before the first one begins
+_OWN = ("seed", "duration_s")  # have keys of their own in the file
 
 
 @settings
@@ -36,13 +36,13 @@ class Seeds:
 
 @settings
 class Draw:
-    """A setting that is drawn anew for every seed; the same for one seed in all cells."""
+    """A setting drawn for every seed; the same in all cells of a seed."""
 
     distribution: Literal["uniform", "normal", "lognormal", "choice"] = Field("uniform")
-    low: float | None = Field(None, description="least value; drawn again below")
-    high: float | None = Field(None, description="greatest value; drawn again above")
-    mean: float = Field(0.0, description="normal; of the logarithm for lognormal")
-    deviation: float = Field(1.0, gt=0, description="normal; of the logarithm for lognormal")
+    low: float | None = Field(None, description="least value; smaller ones are drawn again")
+    high: float | None = Field(None, description="greatest value; larger ones are drawn again")
+    mean: float = Field(0.0, description="of normal; of the logarithm for lognormal")
+    deviation: float = Field(1.0, gt=0, description="of normal; of the logarithm for lognormal")
     values: tuple[float | str | bool, ...] = Field((), description="of choice")
 
     @pydantic.model_validator(mode="after")
@@ -62,7 +62,7 @@ class Draw:
         low, high = (-np.inf if self.low is None else self.low), (np.inf if self.high is None else self.high)
         for _ in range(1000):
             value = float(
-                draw.uniform(low, high + 0.0)  # numpy refuses 0.0 to -0.0
+                draw.uniform(low, high + 0.0)  # + 0.0: numpy refuses the range 0.0 to -0.0
                 if self.distribution == "uniform"
                 else getattr(draw, self.distribution)(self.mean, self.deviation)
             )
@@ -107,7 +107,7 @@ class Campaign:
         used = [*self.settings, *self.grid, *self.random]
         for name in used:
             if used.count(name) > 1:
-                raise ValueError(f"{name}: stands in more than one of settings, grid and random")
+                raise ValueError(f"{name}: is in more than one of settings, grid and random")
             if name in _OWN:
                 raise ValueError(f"{name}: is a key of the campaign itself, not of settings, grid or random")
         for name in self.keep:
@@ -136,12 +136,12 @@ class Plan:
     campaign: Campaign
     cells: tuple[Mapping[str, Any], ...]  # scenario and grid values by dotted name
     runs: tuple[Run, ...]
-    recorded_s: float  # simulated by all runs together
-    settings: tuple[str, ...]  # hash of each run's whole settings, and of the SUMO files that they name
+    recorded_s: float  # simulated time of all runs
+    settings: tuple[str, ...]  # hash of each run's settings, including the SUMO files that they name
 
     @property
     def hash(self) -> str:
-        """Of everything that the results depend on, and of the tables that are kept."""
+        """Hash of everything that the results depend on, and of the tables to keep."""
         keys = [run.key for run in self.runs]
         text = json.dumps([keys, self.settings, sorted(set(self.campaign.keep))])
         return hashlib.sha256(text.encode()).hexdigest()
@@ -150,7 +150,7 @@ class Plan:
 def load(file: Path | str, keep: tuple[str, ...] = ()) -> Plan:
     """Read a campaign file and check every run's settings. Raises SettingsError before anything runs.
 
-    keep : tables to be kept in the place of those that the file names.
+    keep : tables to keep instead of those that the file names.
     """
     path = Path(file)
     mapping = read_toml(path)
@@ -160,7 +160,7 @@ def load(file: Path | str, keep: tuple[str, ...] = ()) -> Plan:
 
 
 def in_words(run: Run) -> str:
-    """A run's changes, by dotted name."""
+    """A run's changes as text, by dotted name."""
     return ", ".join(f"{name} = {value}" for name, value in _flat(run.changes))
 
 
@@ -173,7 +173,7 @@ def _flat(mapping: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 
 def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") -> Plan:
-    """All runs of a campaign; scenario files are looked for from `folder`. Raises SettingsError."""
+    """All runs of a campaign; scenario files are relative to `folder`. Raises SettingsError."""
     seeds = campaign.seeds
     numbers = range(seeds.first, seeds.first + seeds.count) if isinstance(seeds, Seeds) else seeds
     scenarios = [_scenario(name, folder) for name in campaign.scenarios]
@@ -203,7 +203,7 @@ def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") ->
 
 
 def _contents(file: str) -> str:
-    """Hash of a SUMO file and of the files that it names; '' where none is named or can be read."""
+    """Hash of a SUMO file and of the files that it names; '' if none is named or readable."""
     path, whole = Path(file), hashlib.sha256()
     if not file or not path.is_file():
         return ""
@@ -226,7 +226,7 @@ def _check(
     source: str,
     cell: Mapping[str, Any],
 ) -> Configuration:
-    """As `load_configuration`, of a scenario that `mapping` has read before."""
+    """As `load_configuration`, for a scenario read by `mapping`, which may cache it."""
     try:
         base, path = mapping(scenario)
         return configuration_from(laid_over(base, changes), str(path))
@@ -236,7 +236,7 @@ def _check(
 
 
 def _scenario(name: str, folder: Path) -> str:
-    """A file's absolute path, or a built-in name as it is."""
+    """A file's absolute path, or a built-in name unchanged."""
     path = folder / name
     return str(path.resolve()) if Path(name).suffix and path.is_file() else name
 
@@ -254,5 +254,5 @@ def _put(changes: dict[str, Any], name: str, value: Any, source: str) -> None:
     for part in path:
         here = here.setdefault(part, {})
         if not isinstance(here, dict):
-            raise SettingsError(f"{source}: {name}: '{part}' has a value of its own already")
+            raise SettingsError(f"{source}: {name}: '{part}' already has a value")
     here[last] = list(value) if isinstance(value, tuple) else value

@@ -1,4 +1,4 @@
-"""How far a campaign is, on the terminal."""
+"""Progress of a campaign on the terminal."""
 
 import contextlib
 import math
@@ -14,7 +14,7 @@ from analysis.campaign.engine import Progress
 
 @contextlib.contextmanager
 def shown() -> Iterator[Callable[[Progress], None]]:
-    """A bar with rate, remaining time and failures; lines now and then where there is no terminal."""
+    """A bar with rate, remaining time and failures; occasional lines if there is no terminal."""
     console = Console(stderr=True, highlight=False)
     words = TextColumn("{task.description}")
     columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), words)

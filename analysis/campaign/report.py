@@ -1,4 +1,4 @@
-"""The report of a campaign: CSV files from the runs' counts, whatever order they were run in."""
+"""The report of a campaign: CSV files from the runs' counts, independent of their order."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -39,7 +39,7 @@ _STEPS_PER_H = 36_000
 
 
 def write_report(out: Any) -> dict[str, pd.DataFrame]:
-    """Write the report of the campaign in `out` and give its tables by name. Raises SettingsError."""
+    """Write the report of the campaign in `out` and return its tables by name. Raises SettingsError."""
     store = Store(out)
     plan = store.read("plan.json")
     if plan is None:
@@ -85,7 +85,7 @@ def write_report(out: Any) -> dict[str, pd.DataFrame]:
 
 
 def _rates(total: Mapping[str, int], runs: pd.DataFrame) -> Iterable[dict[str, Any]]:
-    """Events per 100 km and hour, with the exact Poisson interval and the bootstrap's by run."""
+    """Events per 100 km and per hour, with exact Poisson intervals and bootstrap intervals over runs."""
     km, hours = total.get("distance_mm", 0) / 1e6, total.get("vehicle_steps", 0) / _STEPS_PER_H
     for name in RATES:
         count = total.get(name, 0)
@@ -107,7 +107,7 @@ def _rates(total: Mapping[str, int], runs: pd.DataFrame) -> Iterable[dict[str, A
 
 
 def _benefit(cells: list[dict[str, Any]], runs: pd.DataFrame) -> pd.DataFrame:
-    """With against without reacting drivers, paired by seed: cells that differ in `reaction.on` alone."""
+    """Runs with and without reacting drivers, paired by seed, in cells that differ only in `reaction.on`."""
     rows = []
     numbers = {tuple(sorted((k, str(v)) for k, v in cell.items())): i for i, cell in enumerate(cells)}
     for number, cell in enumerate(cells):

@@ -1,8 +1,8 @@
-"""Where a campaign's results lie: any fsspec address. A run is there whole, or not at all.
+"""Storage of a campaign's results, at any fsspec address. A run is stored completely or not at all.
 
-campaign.json            what the campaign is, by its hash
-runs/KEY/summary.json    what was counted; beside it the tables that are kept
-failed/KEY.json          why a run did not come to its end
+campaign.json            identifies the campaign by its hash
+runs/KEY/summary.json    a run's counts; beside it the tables that are kept
+failed/KEY.json          why a run failed
 *.csv                    the report
 """
 
@@ -32,9 +32,9 @@ class Store:
             raise SettingsError(f"--out {self.address}: {error}") from None
 
     def check(self, plan_hash: str) -> bool:
-        """Whether the directory is this campaign's already; False where it is new or empty.
+        """Whether the directory is already this campaign's; False if it is new or empty.
 
-        Raises SettingsError where it is another one's, or cannot be read. Writes nothing.
+        Raises SettingsError if it is another one's, or cannot be read. Writes nothing.
         """
         try:
             known = self.read("campaign.json")
@@ -52,17 +52,17 @@ class Store:
         return known is not None
 
     def claim(self, title: str, plan_hash: str, runs: int) -> None:
-        """Make the directory this campaign's. Raises SettingsError where it is another one's."""
+        """Mark the directory as this campaign's. Raises SettingsError if it is another one's."""
         if not self.check(plan_hash):
             self._fs.makedirs(self._root, exist_ok=True)
             self.write("campaign.json", {"title": title, "hash": plan_hash, "runs": runs})
 
     def describe(self, plan: dict[str, Any]) -> None:
-        """Write what the cells are, for the report."""
+        """Write the description of the cells, for the report."""
         self.write("plan.json", plan)
 
     def done(self) -> set[str]:
-        """Keys of the runs that are there."""
+        """Keys of the finished runs."""
         folder = f"{self._root}/runs"
         if not self._fs.exists(folder):
             return set()
@@ -70,13 +70,13 @@ class Store:
         return {name for name in names if ".part" not in name}
 
     def put(self, key: str, folder: Path) -> None:
-        """Move a finished run in; the last step is one rename (a copy where the store has none)."""
+        """Move a finished run in; the last step is one rename (a copy if the store has none)."""
         part, place = f"{self._root}/runs/{key}.part-{uuid.uuid4().hex}", f"{self._root}/runs/{key}"
         self._fs.makedirs(part, exist_ok=True)
         try:
             for file in sorted(folder.iterdir(), key=lambda f: (f.name == "summary.json", f.name)):
                 self._fs.put_file(str(file), f"{part}/{file.name}")
-            if self._fs.exists(place):  # an attempt that was thought lost came first, with the same result
+            if self._fs.exists(place):  # an attempt taken for lost was first, with the same result
                 self._fs.rm(part, recursive=True)
                 return
             self._fs.mv(part, place, recursive=True)
@@ -104,7 +104,7 @@ class Store:
         return {key: self.read(f"failed/{key}.json") or {} for key in keys}
 
     def sweep_up(self) -> None:
-        """Remove what interrupted moves have left."""
+        """Remove the remains of interrupted moves."""
         folder = f"{self._root}/runs"
         if self._fs.exists(folder):
             for path in self._fs.ls(folder, detail=False):
@@ -119,7 +119,7 @@ class Store:
                 yield summary
 
     def table(self, key: str, name: str) -> pd.DataFrame | None:
-        """A table that was kept of a run."""
+        """A table kept of a run, None if there is none."""
         path = f"{self._root}/runs/{key}/{name}.parquet"
         if not self._fs.exists(path):
             return None
@@ -127,7 +127,7 @@ class Store:
             return to_pandas(pyarrow.parquet.read_table(file))
 
     def read(self, name: str) -> Any:
-        """A JSON file of the directory, None where there is none."""
+        """A JSON file of the directory, None if there is none."""
         path = f"{self._root}/{name}"
         if not self._fs.exists(path):
             return None
@@ -135,11 +135,11 @@ class Store:
             return json.load(file)
 
     def write(self, name: str, content: Any) -> None:
-        """Write a JSON file, whole or not at all."""
+        """Write a JSON file completely or not at all."""
         self.write_text(name, json.dumps(content, sort_keys=True, indent=1) + "\n")
 
     def write_text(self, name: str, text: str) -> None:
-        """Write a file, whole or not at all."""
+        """Write a file completely or not at all."""
         place = f"{self._root}/{name}"
         part = f"{place}.part-{uuid.uuid4().hex}"
         with self._fs.open(part, "w", encoding="utf-8", newline="") as file:

@@ -1,8 +1,8 @@
-"""Warning thresholds without simulating again: the stored times to crossing or collision, judged anew.
+"""Other warning thresholds without simulating again, from the stored times to crossing or collision.
 
 A warning begins when the time falls to the threshold, having been near it one step before, and ends
-`HYSTERESIS_S` above it, as in the run. What the run's own warning adds (the placement zone, one warning an
-approach) is left out, so that the threshold alone is compared. True events are matched as in the run.
+`HYSTERESIS_S` above it, as in the run. The other rules of the run's warning (placement zone, one warning for
+each approach) are left out, so that only the threshold is compared. True events are matched as in the run.
 """
 
 import itertools
@@ -20,8 +20,8 @@ from sumo_net.settings import SettingsError
 HYSTERESIS_S, CONFIRM_S = 0.5, 0.4
 LEAST_SPEED_MPS = {"ldw": 11.1, "fcw": 2.8}
 NEEDED = {"ldw": ("steps", "departures"), "fcw": ("steps", "conflicts")}
-_EARLY_S, _AFTER_S = 4.0, 1.0  # a conflict so long after a warning's start, or its end, makes it true
-_APPROACH_TTC_S = 10.0  # a true time to collision that makes a warning without a conflict a nuisance
+_EARLY_S, _AFTER_S = 4.0, 1.0  # a conflict this soon after a warning's start, or end, makes it true
+_APPROACH_TTC_S = 10.0  # below this true time to collision, a warning without a conflict is a nuisance
 _SIDES = {name: side for side, name in SIDE_NAMES.items()}
 
 
@@ -37,7 +37,7 @@ def thresholds(text: str) -> list[float]:
 
 
 def sweep(out: str, kind: str, values: Iterable[float]) -> pd.DataFrame:
-    """The ROC table of a campaign that kept `steps`: a row a threshold. Also written as sweep_KIND.csv."""
+    """The ROC table of a campaign that kept `steps`, a row per threshold; also written to sweep_KIND.csv."""
     store, values = Store(out), list(values)
     total = np.zeros((len(values), 4), np.int64)  # events, hits, false, nuisance
     leads: list[list[float]] = [[] for _ in values]
@@ -54,7 +54,7 @@ def sweep(out: str, kind: str, values: Iterable[float]) -> pd.DataFrame:
             total[k] += counts
             leads[k] += lead
     if not runs:
-        raise SettingsError(f"{out}: holds no run")
+        raise SettingsError(f"{out}: contains no run")
     table = pd.DataFrame(
         {
             "threshold_s": values,
@@ -74,7 +74,7 @@ def sweep(out: str, kind: str, values: Iterable[float]) -> pd.DataFrame:
 
 
 def _spells(time: pd.Series, value: pd.Series, threshold: float) -> Iterator[tuple[int, int]]:
-    """(first, last) row of each warning of one vehicle, whose rows follow one another."""
+    """(first, last) row of each warning of one vehicle with consecutive rows."""
     breaks = np.diff(time.to_numpy(), prepend=-np.inf) > 0.15
     near = (value <= threshold + CONFIRM_S).to_numpy()
     low = (value <= threshold).to_numpy() & np.r_[False, near[:-1]] & ~breaks

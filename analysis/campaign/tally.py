@@ -1,6 +1,6 @@
-"""What is counted of a run, so that runs add up: whole numbers only, the same in any order.
+"""Counts of a run that can be added over runs: integers only, so that the order does not matter.
 
-Lengths and squares are counted in small whole units, distributions in fixed bins.
+Lengths and squares are counted in small integer units, distributions in fixed bins.
 """
 
 from collections.abc import Mapping
@@ -16,14 +16,14 @@ from plugin.truth import HORIZONS_S
 Tally = dict[str, int]  # "name" or "distribution|bin" -> count; JSON as it is
 
 PER_DECADE = 20  # bins of errors: 12 % wide
-LEAST = 1e-4  # errors below lie in one bin
+LEAST = 1e-4  # smaller errors share one bin
 TIME_BIN_S = 0.1
-_SQUARE = 10**12  # squares are counted in this part of a unit
+_SQUARE = 10**12  # squares are counted in units of 1 / this
 TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
 
 
 def tally(tables: Mapping[str, pd.DataFrame]) -> Tally:
-    """Everything counted of one run's tables (those of TABLES)."""
+    """All counts of one run's tables (those of TABLES)."""
     steps, warnings, departures = tables["steps"], tables["warnings"], tables["departures"]
     km = distance_km(steps)
     counts = warning_counts(warnings, departures, km) | conflict_counts(tables["conflicts"], warnings, km)
@@ -73,14 +73,14 @@ COUNTS = (
 
 
 def add(total: Tally, one: Mapping[str, int]) -> Tally:
-    """Put the counts of `one` into `total`, which is given back."""
+    """Add the counts of `one` to `total`, which is returned."""
     for name, count in one.items():
         total[name] = total.get(name, 0) + int(count)
     return total
 
 
 def quantile(total: Mapping[str, int], name: str, q: float) -> float:
-    """Upper edge of the bin in which the quantile of a distribution lies; NaN of nothing."""
+    """Upper edge of the bin that contains the quantile of a distribution; NaN without counts."""
     bins = sorted(
         (float(key.split("|")[1]), count) for key, count in total.items() if key.startswith(f"{name}|")
     )
@@ -94,7 +94,7 @@ def quantile(total: Mapping[str, int], name: str, q: float) -> float:
 
 
 def distribution(total: Mapping[str, int], name: str) -> list[tuple[float, int]]:
-    """(upper edge, count) of the bins that hold anything, ascending."""
+    """(upper edge, count) of the bins that are not empty, ascending."""
     found = [(float(key.split("|")[1]), count) for key, count in total.items() if key.startswith(f"{name}|")]
     return sorted(found)
 
@@ -125,13 +125,13 @@ def _lane(steps: pd.DataFrame) -> Tally:
 
 
 def root_mean_square(total: Mapping[str, int], name: str) -> float:
-    """Of lateral_offset_m, heading_error_rad or curvature_1pm."""
+    """RMS error of lateral_offset_m, heading_error_rad or curvature_1pm."""
     count = total.get("locked", 0)
     return float(np.sqrt(total[f"square_{name}"] / _SQUARE / count)) if count else float("nan")
 
 
 def _errors(name: str, values: "pd.Series[Any]") -> Tally:
-    """Counts by logarithmic bins, named by their upper edge; those unknown (NaN) are left out."""
+    """Counts in logarithmic bins, named by their upper edge; NaN is left out."""
     known = values.dropna().to_numpy(np.float64)
     with np.errstate(divide="ignore"):
         place = np.ceil(np.log10(np.maximum(known, LEAST) / LEAST) * PER_DECADE - 1e-9)

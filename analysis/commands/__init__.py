@@ -1,1 +1,1 @@
-"""The commands of `sumo-adas`, by what they work on; `analysis.cli` puts them together."""
+"""The commands of `sumo-adas`, grouped by subject; `analysis.cli` assembles them."""

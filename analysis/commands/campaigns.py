@@ -22,7 +22,7 @@ def sweep(
         Kind, typer.Option("--kind", help="ldw: lane departure; fcw: forward collision.")
     ] = Kind.LDW,
     threshold: Annotated[
-        str, typer.Option("--threshold", metavar="FROM:TO:STEP", help="Seconds.")
+        str, typer.Option("--threshold", metavar="FROM:TO:STEP", help="Thresholds in s.")
     ] = "0.2:2.0:0.1",
 ) -> None:
     """Evaluate other warning thresholds on the stored times to crossing or collision: hits, misses, false."""
@@ -36,7 +36,7 @@ def sweep(
 
 
 def batch(
-    campaign: Annotated[Path, typer.Argument(help="The campaign's file.", metavar="CAMPAIGN.toml")],
+    campaign: Annotated[Path, typer.Argument(help="The campaign file.", metavar="CAMPAIGN.toml")],
     out: Annotated[
         str, typer.Option("--out", help="Directory, or any fsspec address.", metavar="DIR")
     ] = "out/campaign",
@@ -47,7 +47,7 @@ def batch(
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="An existing Dask scheduler.")
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="List the runs and what they will take, run nothing.")
+        bool, typer.Option("--dry-run", help="List the runs and their estimated cost, run nothing.")
     ] = False,
     keep: Annotated[
         str,
@@ -59,7 +59,7 @@ def batch(
         bool, typer.Option("--compare-paper", help="Also evaluate the published search on every frame.")
     ] = False,
 ) -> None:
-    """Run a campaign, or what is missing of it, and write its report."""
+    """Run a campaign, or its missing runs, and write its report."""
     from analysis.campaign import cost, engine, plan
     from analysis.campaign.progress import shown
     from analysis.campaign.report import write_report
@@ -82,7 +82,7 @@ def batch(
                     tell=tell,
                 )
         except KeyboardInterrupt:
-            errors.print(f"interrupted: the runs so far are in {out}; the same command goes on from there")
+            errors.print(f"interrupted: the runs so far are in {out}; the same command continues from there")
             raise typer.Exit(130) from None
         tables = write_report(out)
         rates = tables["rates"]

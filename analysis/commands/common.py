@@ -1,4 +1,4 @@
-"""What the commands share: options, and errors as one line on standard error."""
+"""Common parts of the commands: options, and errors as one line on standard error."""
 
 import contextlib
 import enum

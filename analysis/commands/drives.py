@@ -14,7 +14,7 @@ def video(
         Path | None,
         typer.Option(
             "--out",
-            help="A video (.mp4, .webm, .mkv, .mov, .avi) or a still (.png, .jpg); else DIR/drive.mp4.",
+            help="A video (.mp4, .webm, .mkv, .mov, .avi) or a still (.png, .jpg); default: DIR/drive.mp4.",
             metavar="FILE",
         ),
     ] = None,
@@ -27,7 +27,7 @@ def video(
 ) -> None:
     """Show a drive: camera with borders and predicted path, warnings, bird's-eye view with radar tracks.
 
-    Frames that the run did not keep (run --frames N) are made by repeating it.
+    If the run kept no frames (run --frames N), it is repeated to make them.
     """
     from analysis.video import make_video
 

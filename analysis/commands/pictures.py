@@ -1,4 +1,4 @@
-"""Commands that make pictures of tables: `report`, `plot`."""
+"""Commands that draw tables: `report`, `plot`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,10 +10,10 @@ from analysis.commands.common import errors, plain_errors
 
 def report(
     directory: Annotated[
-        Path, typer.Argument(help="A run's, a campaign's or a recorded drive's directory.", metavar="DIR")
+        Path, typer.Argument(help="Directory of a run, a campaign or a recorded drive.", metavar="DIR")
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", help="The page; by default DIR/report.html.", metavar="FILE")
+        Path | None, typer.Option("--out", help="The page; default: DIR/report.html.", metavar="FILE")
     ] = None,
     vehicle: Annotated[
         list[str] | None,
@@ -32,7 +32,7 @@ def report(
         ),
     ] = True,
 ) -> None:
-    """Write one HTML page, for any browser and without a network, that shows what DIR holds."""
+    """Write one HTML page, for any browser and offline, that shows the contents of DIR."""
     from analysis.report import write_report
 
     with plain_errors():
@@ -49,7 +49,7 @@ def plot(
     ] = "",
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="A .png, .svg or .pdf; by default NAME.png.", metavar="FILE"),
+        typer.Option("--out", help="A .png, .svg or .pdf; default: NAME.png.", metavar="FILE"),
     ] = None,
     vehicle: Annotated[
         str | None,
@@ -71,6 +71,6 @@ def plot(
                         typer.echo(f"  {key:17} {one.title}")
             return
         if directory is None or not name:
-            raise ValueError("plot needs DIR and NAME: `sumo-adas plot --list` has the names")
+            raise ValueError("plot needs DIR and NAME: `sumo-adas plot --list` lists the names")
         target = out if out is not None else Path(f"{name}.png")
         typer.echo(f"Figure: {write(draw(directory, name, vehicle), target)}")

@@ -1,4 +1,4 @@
-"""Command `protocol`: the industry's tests."""
+"""Command `protocol`: standard test procedures."""
 
 from pathlib import Path
 from typing import Annotated, Any

@@ -10,7 +10,7 @@ from analysis.commands.common import Mode, Out, plain_errors, refuse_to_mix, tol
 
 
 class LogFormat(enum.StrEnum):
-    """Radar logs that can be read."""
+    """Readable radar log formats."""
 
     CSV = "csv"
     COMMA2K19 = "comma2k19"
@@ -22,12 +22,12 @@ def detect(
         Path, typer.Argument(help="A video, a folder of images, or an image.", metavar="SOURCE")
     ],
     camera: Annotated[
-        Path, typer.Option("--camera", help="Camera file, as `calibrate` proposes it.", metavar="FILE")
+        Path, typer.Option("--camera", help="Camera file, as written by `calibrate`.", metavar="FILE")
     ],
     out: Out = Path("out"),
     overlay: Annotated[
         Path | None,
-        typer.Option("--overlay", help="Video with borders and predicted path.", metavar="FILE"),
+        typer.Option("--overlay", help="Write a video with borders and predicted path.", metavar="FILE"),
     ] = None,
     mode: Annotated[
         Mode, typer.Option(help="paper: the published search; refined: the default tracker.")
@@ -66,7 +66,7 @@ def calibrate(
     height: Annotated[
         float | None,
         typer.Option(
-            "--height", help="Height of the camera in m, where known; else from the lane width.", metavar="M"
+            "--height", help="Height of the camera in m, if known; else from the lane width.", metavar="M"
         ),
     ] = None,
 ) -> None:

@@ -10,7 +10,7 @@ from analysis.commands.common import Out, plain_errors, told_of_compiling, told_
 
 def reproduce(
     experiment: Annotated[
-        str, typer.Argument(help="An experiment of the sources, or all.", metavar="NAME", show_default=False)
+        str, typer.Argument(help="A published experiment, or all.", metavar="NAME", show_default=False)
     ] = "",
     out: Out = Path("out/reproduce"),
     listed: Annotated[bool, typer.Option("--list", help="List the experiments and exit.")] = False,
