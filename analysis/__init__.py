@@ -1,1 +1,1 @@
-"""What people read: metrics, evaluations, commands."""
+"""Metrics, evaluations, reports and commands."""

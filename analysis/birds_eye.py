@@ -1,4 +1,4 @@
-"""The road from above, the vehicle's nose up: lines and bodies as they are, and what it makes of them."""
+"""Bird's-eye view of the road, heading up: true lines and bodies, and the vehicle's estimates."""
 
 import functools
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from sumo_net.road_table import DASHED, NO_MARKING
 BEHIND_M, AHEAD_M = 12.0, 108.0
 _ROAD, _PAINT, _BODY = (58, 54, 50), (120, 116, 112), (140, 136, 132)
 _LEGEND_PX = 54
-_LENGTH_M, _WIDTH_M, _NOSE_M = 4.3, 1.8, 1.6  # of the own vehicle as it is drawn
+_LENGTH_M, _WIDTH_M, _NOSE_M = 4.3, 1.8, 1.6  # of the drawn own vehicle
 CLASSES = {
     "same_direction": (canvas.GREEN, "same direction"),
     "oncoming": (canvas.VERMILION, "oncoming"),
@@ -27,11 +27,11 @@ CLASSES = {
 
 
 class View(NamedTuple):
-    """From metres in the vehicle frame to pixels: the same scale both ways."""
+    """Transform from metres in the vehicle frame to pixels, with equal scales."""
 
     width: int
     height: int
-    scale: float  # pixels a metre
+    scale: float  # pixels per metre
 
     def place(self, forward: Array, left: Array) -> Array:
         """(P, 2) column and row."""
@@ -78,14 +78,14 @@ def _road(picture: Array, view: View, lines: Array, kinds: Array) -> None:
     for line, kind in zip(lines, kinds, strict=True):
         painted = (kind != NO_MARKING)[:, None] & np.isfinite(line)
         points = np.where(painted, line, np.nan)
-        # which dash is where is the camera's business; here a broken line says that it is one
+        # a symbol for a dashed line: the dashes' true places are only in the camera image
         dashed = bool((kind[painted[:, 0]] == DASHED).any())
         points = _dashes(points) if dashed else points
         canvas.line(picture, view.place(points[:, 0], points[:, 1]), _PAINT, 1)
 
 
 def _dashes(points: Array) -> Array:
-    """(P, 2) of strokes of 3 m and gaps of 3 m along a line, a NaN after each stroke."""
+    """(P, 2) points of dashes of 3 m and gaps of 3 m along a line, NaN after each dash."""
     finite = points[np.isfinite(points).all(axis=1)]
     if len(finite) < 2:
         return finite
@@ -130,7 +130,7 @@ def _tracks(
         small = str(track.motion_state) == "stationary"
         canvas.dot(picture, column, row, 3 if small else 5, colour, -1 if track.measured else 1)
         if track.track_id == target:
-            row = max(row, 14.0)  # further ahead than the view reaches
+            row = max(row, 14.0)  # beyond the view: drawn at its upper edge
             canvas.dot(picture, column, row, 11, canvas.WHITE, 2)
             gap = float(drive.steps["fcw_gap_m"].iloc[index])
             canvas.text(picture, f"{gap:.0f} m", column + 17, row, 14, bold=True, back=canvas.DARK)

@@ -1,10 +1,10 @@
-"""A camera file proposed from pictures of a straight road.
+"""Estimates a camera file from pictures of a straight road.
 
 Lane lines meet in the vanishing point: its row gives the pitch, its column the yaw. In the picture a line at
 X metres left of the camera is x = x_v - (f_x / f_y) X u / h, u rows below the horizon, so that the slopes of
-both lines of a lane of known width give the height h above the road. The focal length cannot be seen in such
-a picture (it only stretches distances): it follows from a field of view that is given or assumed. Pixels are
-taken for square and the principal point for the middle of the picture.
+both lines of a lane of known width give the height h above the road. The focal length cannot be determined
+from such a picture (it only scales distances): it follows from a given or assumed field of view. Pixels are
+assumed to be square and the principal point to be in the middle of the picture.
 """
 
 import math
@@ -22,7 +22,7 @@ from plugin.lane.ridge import BUFFER_PX, candidates
 
 Array = np.ndarray[Any, Any]
 
-HORIZONS_PX = np.arange(80.0, 200.0, 2.0)  # y of the vanishing point that are tried
+HORIZONS_PX = np.arange(80.0, 200.0, 2.0)  # candidates for the vanishing point's y
 COLUMNS_PX = np.arange(80.0, 242.0, 3.0)
 MOST_FRAMES = 30  # of a video
 THRESHOLD = tuning(Refine(contrast=8.0), 33.5)
@@ -32,7 +32,7 @@ LEAST_POINTS = 8  # on a line
 
 
 class Lines(NamedTuple):
-    """What one picture shows."""
+    """Vanishing point and lane lines of one picture."""
 
     vanishing_x: float
     vanishing_y: float  # up from the bottom row
@@ -41,14 +41,14 @@ class Lines(NamedTuple):
 
 
 class Proposal(NamedTuple):
-    """A camera and what it rests on, as sentences."""
+    """A camera, and its basis as sentences."""
 
     camera: Camera
     notes: tuple[str, ...]
 
 
 def calibrate(sources: Sequence[Path | str], lane_width_m: float = 3.7, height_m: float | None = None) -> str:
-    """The camera file that `propose` finds, as TOML; what it rests on goes to standard error."""
+    """The camera file that `propose` finds, as TOML; its basis goes to standard error."""
     proposal = propose(sources, lane_width_m, height_m)
     for note in proposal.notes:
         print(note, file=sys.stderr)
@@ -63,8 +63,8 @@ def propose(
 ) -> Proposal:
     """Propose a camera from pictures (or a video, or folders of pictures) of a straight road.
 
-    height_m: if it is known; then lane_width_m is only compared with. Raises ValueError where values are out
-    of range, FootageError where nothing can be read or no picture shows a lane.
+    height_m: if known; then lane_width_m is only compared. Raises ValueError for values out of range,
+    FootageError if nothing can be read or no picture shows a lane.
     """
     if not 2.0 <= lane_width_m <= 6.0:
         raise ValueError(f"lane_width_m = {lane_width_m}: must be 2 to 6")
@@ -84,8 +84,8 @@ def propose(
                 continue
             if looked and recorded.size_px != size:
                 raise FootageError(
-                    f"{source}: is {recorded.size_px[0]}x{recorded.size_px[1]} pixels, the images before are "
-                    f"{size[0]}x{size[1]}: one camera at a time"
+                    f"{source}: has {recorded.size_px[0]}x{recorded.size_px[1]} pixels, the images before "
+                    f"{size[0]}x{size[1]}: give images of one camera"
                 )
             size = recorded.size_px
             looked += 1
@@ -113,7 +113,7 @@ def _propose(
     focal_y = focal_x * (width / WIDTH_PX) * (HEIGHT_PX / height)
     pitch = math.atan((y - 0.5 * HEIGHT_PX) / focal_y)
     yaw = math.atan((x - 0.5 * WIDTH_PX) / focal_x)
-    # with the pitch p exactly: slope = -f_x X cos p / (f_y h)
+    # exact with pitch p: slope = -f_x X cos p / (f_y h)
     seen = focal_x / focal_y * math.cos(pitch) / spread
     chosen = lane_width_m * seen if height_m is None else height_m
     camera = Camera(
@@ -126,7 +126,7 @@ def _propose(
     notes = [
         f"{len(found)} of {looked} images show a lane; vanishing point x = {x:.1f}, y = {y:.1f} "
         f"(320x240, up from the bottom row)",
-        f"assumed: field of view {math.degrees(field_of_view_rad):.0f} degrees (the picture cannot tell), "
+        f"assumed: field of view {math.degrees(field_of_view_rad):.0f} degrees (not visible in a picture), "
         f"square pixels of the {width}x{height} image, principal point in its middle, the car parallel to "
         "the lane on average",
     ]
@@ -144,14 +144,14 @@ def _propose(
 
 
 def as_toml(camera: Camera) -> str:
-    """The camera file: the keys of Camera, one a line."""
+    """The camera file: one key of Camera per line."""
     names = ("height_m", "focal_px", "focal_y_px", "pitch_rad", "yaw_rad", "center_x_px", "center_y_px")
     values = [(name, getattr(camera, name)) for name in (*names, "forward_m", "left_m")]
     return "".join(f"{name} = {float(value)!r}\n" for name, value in values if value is not None)
 
 
 def lane_lines(grey: Array) -> Lines | None:
-    """The vanishing point and the lines of the own lane in a (240, 320) picture; None where it shows none."""
+    """The vanishing point and the lines of the own lane in a (240, 320) picture; None if not found."""
     points = _ridges(grey)
     if len(points) < 2 * LEAST_POINTS:
         return None
@@ -160,7 +160,7 @@ def lane_lines(grey: Array) -> Lines | None:
         x, y, direction, strength = points[horizon - points[:, 1] > 12.0].T
         if len(x) < 2 * LEAST_POINTS:
             continue
-        # where each point's line through (column, horizon) meets the bottom row, in bins
+        # histogram of the columns where each point's line through (column, horizon) meets the bottom row
         slope = (x - COLUMNS_PX[:, None]) / (horizon - y)
         cell = np.floor(slope * horizon / BIN_PX).astype(int) + BINS // 2
         weight = strength * np.exp(-(((slope - direction) / DIRECTION_SPREAD) ** 2))
@@ -171,7 +171,7 @@ def lane_lines(grey: Array) -> Lines | None:
         )
         smooth = votes.copy()
         smooth[:, 1:-1] += 0.5 * (votes[:, :-2] + votes[:, 2:])
-        # one strong line meets every point on it: only lines on both sides fix where they meet
+        # every point of a single strong line fits: only lines on both sides determine the vanishing point
         gap = int(0.2 * horizon / BIN_PX)
         left, right = smooth[:, : BINS // 2 - gap], smooth[:, BINS // 2 + gap :]
         score = np.sqrt(left.max(axis=1) * right.max(axis=1))
@@ -195,13 +195,13 @@ def lane_lines(grey: Array) -> Lines | None:
     (a_left, m_left), (a_right, m_right) = left_line, right_line
     if m_right - m_left < 0.3:
         return None
-    # x = a - m y: both meet at
+    # intersection of x = a - m y of both sides
     y_v = (a_right - a_left) / (m_right - m_left)
     return Lines(a_left - m_left * y_v, y_v, m_left, m_right)
 
 
 def _line(points: Array, column: float, horizon: float, slope: float) -> tuple[float, float] | None:
-    """(a, m) of x = a - m y by least squares that forgets what is far off (Tukey), from a start."""
+    """(a, m) of x = a - m y by robust least squares (Tukey), from an initial line."""
     x, y, direction, strength = points[points[:, 1] < horizon - 5.0].T
     a, m = column + slope * horizon, slope
     for scale in (6.0, 4.0, 2.5, 2.0, 1.5):
@@ -222,8 +222,8 @@ def _line(points: Array, column: float, horizon: float, slope: float) -> tuple[f
 def _ridges(grey: Array) -> Array:
     """(M, 4) bright ridges of the lower picture: column, y, columns per row downwards, strength 0 to 1.
 
-    The width that paint has in a row depends on the horizon, which is not known: a few are supposed. The
-    direction is that to the nearest ridge on the rows below and above; a ridge without any is left out.
+    The width of paint in a row depends on the unknown horizon: several are tried. The direction is that to
+    the nearest ridges in the rows below and above; a ridge without any is left out.
     """
     sums, response, out = np.zeros(BUFFER_PX + 1, np.int64), np.zeros(BUFFER_PX), np.zeros((8, 2))
     rows: list[dict[float, float]] = []

@@ -1,4 +1,4 @@
-"""The camera's picture with what was found in it: borders, predicted path, the warning's target."""
+"""The camera image with detected borders, predicted path and the warning's target."""
 
 from typing import Any
 
@@ -27,13 +27,13 @@ def place(x: Array, y: Array, picture: Array) -> Array:
 
 
 def draw_borders(picture: Array, rows: Array, columns: Array, width: int = 2) -> None:
-    """rows (R,) y from the bottom up and columns (2, R) of the left and right border, NaN for a gap."""
+    """Draw borders: rows (R,) y from the bottom up, columns (2, R) left and right, NaN for a gap."""
     for column, colour in zip(columns, (canvas.LEFT, canvas.RIGHT), strict=True):
         canvas.line(picture, place(column, rows, picture), colour, width)
 
 
 def draw_path(picture: Array, path: Array, width: int = 2) -> None:
-    """path (H, 2) column and y in the 320x240 image."""
+    """Draw path (H, 2), column and y in the 320x240 image."""
     canvas.line(picture, place(path[:, 0], path[:, 1], picture), canvas.PATH, width)
 
 

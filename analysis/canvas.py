@@ -1,4 +1,4 @@
-"""Drawing on BGR pictures: colours that colour-blind people tell apart, lines between pixels, text."""
+"""Drawing on BGR pictures: colours for colour-blind readers, subpixel lines, text."""
 
 import functools
 from pathlib import Path
@@ -23,11 +23,11 @@ VERMILION, PURPLE, WHITE, GREY, DARK = (
 )
 LEFT, RIGHT, PATH = SKY, PURPLE, YELLOW
 
-_SHIFT = 4  # sixteenths of a pixel
+_SHIFT = 4  # coordinates in sixteenths of a pixel
 
 
 def line(picture: Array, points: Array, colour: Colour, width: int = 2, closed: bool = False) -> None:
-    """A line through points (P, 2) of column and row; it has a gap where one is not finite."""
+    """A line through points (P, 2) of column and row, with a gap where one is not finite."""
     fits: Array = np.asarray(np.isfinite(points).all(axis=1))
     fits[fits] = (np.abs(points[fits]) < 4 * max(picture.shape)).all(axis=1)
     edges = np.flatnonzero(np.diff(np.r_[False, fits, False].astype(np.int8)))
@@ -39,7 +39,7 @@ def line(picture: Array, points: Array, colour: Colour, width: int = 2, closed: 
 
 
 def area(picture: Array, points: Array, colour: Colour) -> None:
-    """A filled polygon, (P, 2) of column and row; nothing where one is not finite."""
+    """A filled polygon, (P, 2) of column and row; nothing if one is not finite."""
     if np.isfinite(points).all() and (np.abs(points) < 4 * max(picture.shape)).all():
         cv2.fillPoly(
             picture, [np.rint(points * (1 << _SHIFT)).astype(np.int32)], colour, cv2.LINE_AA, shift=_SHIFT
@@ -64,7 +64,7 @@ def text(
     bold: bool = False,
     back: Colour | None = None,
 ) -> None:
-    """Words, their middle at `row`; `back` is put behind them. What does not fit is cut off."""
+    """Text centred vertically at `row`, on a background of colour `back`; clipped to the picture."""
     mask = _words(words, size, bold)
     height, width = mask.shape
     left = round(column - {"left": 0.0, "centre": 0.5, "right": 1.0}[anchor] * width)
@@ -82,7 +82,7 @@ def text(
 
 @functools.lru_cache(maxsize=4096)
 def _words(words: str, size: int, bold: bool) -> Array:
-    """(height, width) float32, 0 to 1; all words of a size are equally high, so that lines stay still."""
+    """(height, width) float32, 0 to 1; the same height for all texts of a size, so that lines do not jump."""
     font = _font(size, bold)
     ascent, descent = font.getmetrics()
     shown = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in words)
@@ -98,6 +98,6 @@ def _words(words: str, size: int, bold: bool) -> Array:
 
 @functools.cache
 def _font(size: int, bold: bool) -> ImageFont.FreeTypeFont:
-    # it comes with matplotlib: legible, and with Greek, Cyrillic and much else that stands in ids
+    # comes with matplotlib; has Greek, Cyrillic and other letters of vehicle ids
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts" / "ttf" / name), size)

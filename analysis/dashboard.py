@@ -1,4 +1,4 @@
-"""What the driver would be shown and what lies behind it: speed, time to lane crossing, lamps."""
+"""The driver's display and its inputs: speed, time to lane crossing, lamps."""
 
 import numpy as np
 import pandas as pd
@@ -40,7 +40,7 @@ def _tlc(
     top, bottom = round(lower - 17), round(lower + 3)
     picture[top:bottom, begin:end] = _OFF
     if locked:
-        # full where the border is far: it empties as the crossing comes near
+        # full while the border is far; shrinks as the crossing approaches
         share = 1.0 if pd.isna(value) else min(float(value) / TLC_SPAN_S, 1.0)
         colour = _RED if share < 0.34 else _AMBER if share < 0.67 else canvas.GREEN
         picture[top:bottom, begin : begin + round(share * width)] = colour

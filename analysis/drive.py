@@ -1,4 +1,4 @@
-"""Recorded drives: what one vehicle's camera saw, step by step, with what was found, foreseen and tracked."""
+"""Recorded drives: one vehicle's camera frames with detected borders, predicted paths and radar tracks."""
 
 import difflib
 import json
@@ -21,7 +21,7 @@ Array = np.ndarray[Any, Any]
 
 
 class DriveError(ValueError):
-    """Why there is no drive to show, for users."""
+    """A drive that cannot be shown; the message is for users."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,18 +33,18 @@ class Drive:
     time_s: Array  # (T,) SUMO time
     frames: Array  # (T, 240, 320) uint8, what the camera saw
     steps: pd.DataFrame  # T rows of the table `steps`
-    tracks: pd.DataFrame  # its radar tracks, every scan, also of roadside objects
+    tracks: pd.DataFrame  # its radar tracks of every scan, roadside objects included
     warnings: pd.DataFrame  # its rows of these tables
     departures: pd.DataFrame
     conflicts: pd.DataFrame
     camera: Camera
-    path_m: Array  # (T, H, 2) predicted path, forward and left, 0.1 s apart; NaN where nothing is known
+    path_m: Array  # (T, H, 2) predicted path, forward and left, 0.1 s apart; NaN where unknown
     border_px: Array  # (T, 2, R) columns of the left and the right marking's centres; NaN where not seen
     border_rows: Array  # (R,) their y, up from the bottom row, ascending
     bodies_m: Array  # (T, M, 5) truth: forward, left of the centre, heading, length, width; NaN for unused
     road_m: Array  # (T, B, J, 2) truth: forward and left of painted lines from right to left; NaN for unused
     road_kind: Array  # (T, B, J) sumo_net.road_table: NO_MARKING, SOLID, DASHED
-    notes: tuple[str, ...] = ()  # what whoever looks at it should know
+    notes: tuple[str, ...] = ()  # remarks for the viewer
 
 
 def vehicles_with_frames(directory: Path) -> list[str]:
@@ -58,9 +58,9 @@ def vehicles_of(directory: Path) -> list[str]:
 
 
 def most_interesting(directory: Path, among: Iterable[str] | None = None) -> str:
-    """The vehicle worth looking at: with most departures, then danger, then warnings, then steps.
+    """The vehicle with most departures, then danger warnings, then warnings, then steps.
 
-    Of `among`, where given. Raises DriveError where no vehicle drove.
+    Only those in `among`, if given. Raises DriveError if no vehicle drove.
     """
     steps = _table(directory, "steps")
     names = list(steps["vehicle_id"].unique()) if among is None else list(among)
@@ -81,7 +81,7 @@ def most_interesting(directory: Path, among: Iterable[str] | None = None) -> str
 def load_drive(directory: Path, vehicle_id: str | None = None) -> Drive:
     """The recorded drive of a vehicle, by default of the most interesting one that has frames.
 
-    Raises DriveError where there are no frames of it: `analysis.replay.replay` makes them.
+    Raises DriveError if it has no frames: `analysis.replay.replay` makes them.
     """
     directory = Path(directory)
     available = vehicles_with_frames(directory)
@@ -101,7 +101,7 @@ def load_drive(directory: Path, vehicle_id: str | None = None) -> Drive:
 
 
 def check_vehicle(directory: Path, vehicle_id: str) -> None:
-    """Raises DriveError, naming the nearest, where the run has no equipped vehicle of this id."""
+    """Raises DriveError, with the most similar id, if the run has no equipped vehicle of this id."""
     names = vehicles_of(directory)
     if not names:
         raise DriveError(f"{directory}: no equipped vehicle drove")
@@ -125,7 +125,7 @@ def _load(directory: Path, vehicle_id: str) -> Drive:
     shown = np.round(marks["time_s"], 2)
     _, at, row = np.intersect1d(shown, times, return_indices=True)
     if not len(at):
-        raise DriveError(f"{directory}: no step of '{vehicle_id}' was both recorded and photographed")
+        raise DriveError(f"{directory}: no step of '{vehicle_id}' has both a row and a frame")
     steps = steps.iloc[row].reset_index(drop=True)
     tracks = read_table(folder, "tracks")
     tracks = tracks[tracks["time_s"].round(2).isin(shown[at])].reset_index(drop=True)

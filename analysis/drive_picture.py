@@ -1,4 +1,4 @@
-"""One step of a drive as a picture: camera with what was found, dashboard below, bird's-eye view beside."""
+"""One step of a drive as a picture: annotated camera image, dashboard below, bird's-eye view beside."""
 
 from typing import Any
 
@@ -23,8 +23,8 @@ Array = np.ndarray[Any, Any]
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 _CAMERA = 832, 624
-_SHOWN_AFTER_S = 1.0  # so long a crossing is told after it happened
-_TARGET_UP_M = 0.8  # so high above the road the pin on the warning's target ends
+_SHOWN_AFTER_S = 1.0  # a crossing is shown for this long
+_TARGET_UP_M = 0.8  # height of the pin on the warning's target
 
 
 class DrivePictures:
@@ -69,7 +69,7 @@ class DrivePictures:
             return
         tracks = self._tracks.get(round(float(self._drive.time_s[index]), 2), self._none)
         for track in tracks[tracks["track_id"] == step["fcw_track_id"]].itertuples():
-            # where the radar has it, often a corner of the body: how large that is it does not know
+            # at the radar's position, often a corner: the radar does not know the body's size
             ends = points_in_image(
                 np.full(2, track.x_m), np.full(2, track.y_m), np.array([0.0, _TARGET_UP_M]), self._projection
             )

@@ -1,6 +1,6 @@
 """`sumo-adas evaluate`: accuracy over many seeds, clear and complex, against the stated targets.
 
-The seeds are not those that anything was tuned on (those are below 100). Each run is a process of its own.
+The seeds are not those used for tuning (below 100). Each run has its own process.
 """
 
 import concurrent.futures
@@ -59,7 +59,7 @@ PREDICTION_RATIO = 1.25
 def evaluate(
     out: Path, scenario: str, seeds: Iterable[int], duration_s: float, fraction: float, workers: int
 ) -> pd.DataFrame:
-    """Run `scenario` for every seed and condition, print measured against wanted, write `evaluation.csv`.
+    """Run `scenario` for every seed and condition, print measured and target values, write `evaluation.csv`.
 
     Returns that table: condition, figure, measured, wanted, reached. Raises SettingsError before any run.
     """
@@ -104,7 +104,7 @@ def evaluate(
 
 
 def judge(tables: dict[str, pd.DataFrame], condition: str) -> pd.DataFrame:
-    """Every figure of the summary of these runs, and the bound it must keep where there is one."""
+    """Every figure of the summary of these runs, with its bound if there is one."""
     figures = summary(**tables)
     figures |= tlc_ratio(tables["steps"])
     bounds = {target.figure: target for target in TARGETS}
@@ -133,7 +133,7 @@ def judge(tables: dict[str, pd.DataFrame], condition: str) -> pd.DataFrame:
 def tlc_ratio(steps: pd.DataFrame) -> dict[str, float]:
     """95th percentile of |TLC error| over that of the true state, with a 95 % bootstrap interval.
 
-    Drawn are vehicles of a run: the steps of an approach are alike, and so are the approaches of a driver.
+    Resampled by vehicle: the steps of an approach are correlated, and so are the approaches of a driver.
     """
     near = before_crossing(steps)
     error, floor = tlc_error(near, "tlc_s"), tlc_error(near, "tlc_true_state_s")
@@ -157,7 +157,7 @@ def prediction_ratios(predictions: pd.DataFrame) -> dict[str, float]:
 
 
 def by_category(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Prediction errors by category and horizon, and the paired gain over both baselines with intervals."""
+    """Prediction errors by category and horizon, and paired gains over both baselines with intervals."""
     steps, predictions = tables["steps"], tables["predictions"]
     errors = prediction_errors(predictions, steps)
     for baseline in ("constant_velocity", "constant_radius"):

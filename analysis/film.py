@@ -1,4 +1,4 @@
-"""Videos that browsers and players open: H.264 in MP4, VP9 in WebM; stills where the suffix is an image's."""
+"""Videos for browsers and players: H.264 in MP4, VP9 in WebM; stills if the suffix is that of an image."""
 
 import contextlib
 from fractions import Fraction
@@ -25,7 +25,7 @@ class _Coding(NamedTuple):
     options: dict[str, str]
 
 
-# even sides and 4:2:0: what browsers and phones decode
+# browsers and phones decode only even sides and 4:2:0
 _H264 = _Coding("libx264", "yuv420p", {"preset": "veryfast", "crf": "25", "movflags": "+faststart"})
 _VP9 = _Coding(
     "libvpx-vp9",
@@ -38,10 +38,10 @@ SUFFIXES = tuple(_CODINGS)
 
 
 class Film:
-    """Writes pictures to a video, or to a still where the file's suffix is an image's."""
+    """Writes pictures to a video, or to a still if the file's suffix is that of an image."""
 
     def __init__(self, path: Path, step_s: float) -> None:
-        """Raises FilmError for a suffix that is neither a video's nor an image's, or an impossible folder."""
+        """Raises FilmError for an unknown suffix, or a folder that cannot be made."""
         suffix = path.suffix.lower()
         if suffix not in _CODINGS and suffix not in IMAGE_SUFFIXES:
             known = ", ".join((*_CODINGS, *IMAGE_SUFFIXES))
@@ -60,9 +60,9 @@ class Film:
         self._stream: Any = None
 
     def add(self, picture: Array) -> None:
-        """Append one picture, (height, width, 3) uint8 BGR; all get the first one's size.
+        """Append one picture, (height, width, 3) uint8 BGR, scaled to the first one's size.
 
-        Raises FilmError where that fails.
+        Raises FilmError if it cannot be written.
         """
         if self._coding is None:
             with contextlib.suppress(cv2.error):
@@ -97,7 +97,7 @@ class Film:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """An interruption leaves a video that can be played as far as it got."""
+        """Finish the file; an interrupted video can be played up to that point."""
         if self._container is not None:
             try:
                 self._container.mux(self._stream.encode())
@@ -109,7 +109,7 @@ class Film:
 
 
 def _check_writable(path: Path) -> None:
-    """Before hours of work: whether the file can be made. It is left as it was."""
+    """Check before hours of work that the file can be written. It is left unchanged."""
     there = path.exists()
     try:
         path.open("ab").close()

@@ -19,12 +19,12 @@ Array = np.ndarray[Any, Any]
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp")
 
 
-MOST_PIXELS = 10**8  # of a picture; a video of 8K has a third of it
+MOST_PIXELS = 10**8  # of a picture; 8K video has a third of that
 MOST_BYTES = 2**30  # of an image's file
 
 
 class FootageError(InputError):
-    """What is wrong with a recording, in one line."""
+    """An error in a recording, as one line."""
 
 
 class Recorded(NamedTuple):
@@ -42,7 +42,7 @@ class Footage(NamedTuple):
     path: Path
     images: tuple[Path, ...]  # empty for a video
     step_s: float  # between frames
-    frame_count: int  # frames, 0 where the file does not say
+    frame_count: int  # 0 if the file does not say
 
     @property
     def is_still(self) -> bool:
@@ -51,9 +51,9 @@ class Footage(NamedTuple):
 
 
 def open_footage(source: Path | str, image_step_s: float = 0.1) -> Footage:
-    """Find out what `source` is; images of a folder follow each other every `image_step_s`.
+    """Determine the kind of `source`; images of a folder are `image_step_s` apart.
 
-    Raises FootageError where there is nothing to read.
+    Raises FootageError if there is nothing to read.
     """
     path = Path(source)
     if not path.exists():
@@ -98,13 +98,13 @@ def frames(footage: Footage) -> Iterator[Recorded]:
 def read_picture(path: Path) -> Array:
     """One image, BGR, its own size.
 
-    Raises FootageError where it cannot be read, or unpacked would have more than MOST_PIXELS: a file of a
-    kilobyte may say that it has a gigapixel.
+    Raises FootageError if it cannot be read, or would have more than MOST_PIXELS when unpacked: a file of a
+    kilobyte may declare a gigapixel.
     """
     _check_size(path)
     try:
         data = np.fromfile(path, np.uint8)
-        with standard_error():  # where the decoders talk
+        with standard_error():  # to which decoders write
             image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     except OSError as error:
         raise FootageError(f"{path}: cannot be read ({error.strerror})") from None
@@ -116,14 +116,14 @@ def read_picture(path: Path) -> Array:
 
 
 def _check_size(path: Path) -> None:
-    """Look at an image's header alone."""
+    """Check the image's size by its header alone."""
     try:
-        if not path.is_file():  # a pipe would be waited for
+        if not path.is_file():  # reading a pipe would block
             raise FootageError(f"{path}: is not a file")
         if path.stat().st_size > MOST_BYTES:
             raise FootageError(f"{path}: is larger than {MOST_BYTES} bytes")
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of Pillow's own, lower bound
+            warnings.simplefilter("ignore")  # Pillow's own bound is lower
             with Image.open(path) as header:
                 width, height = header.size
     except Image.DecompressionBombError:
@@ -132,14 +132,14 @@ def _check_size(path: Path) -> None:
         raise
     except PermissionError as error:
         raise FootageError(f"{path}: cannot be read ({error.strerror})") from None
-    except Exception:  # Pillow's plug-ins raise what comes: struct.error, SyntaxError, KeyError and others
+    except Exception:  # Pillow's plug-ins raise anything: struct.error, SyntaxError, KeyError and others
         raise FootageError(f"{path}: is not an image that can be read") from None
     _refuse_giants(path, width, height)
 
 
 def _refuse_giants(path: Path, width: float, height: float) -> None:
     if width * height > MOST_PIXELS:
-        raise FootageError(f"{path}: its pictures are of more than {MOST_PIXELS} pixels: not accepted")
+        raise FootageError(f"{path}: its pictures have more than {MOST_PIXELS} pixels: not accepted")
 
 
 def _open_video(path: Path) -> Any:
@@ -161,7 +161,7 @@ def _recorded(time_s: float, picture: Array) -> Recorded:
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     height, width = grey.shape
     if (width, height) != (WIDTH_PX, HEIGHT_PX):
-        # area averaging when shrinking: thin far markings keep their share of the pixels
+        # shrink by area averaging, so that thin far markings keep their share of the pixels
         shrink = width >= WIDTH_PX and height >= HEIGHT_PX
         grey = cv2.resize(
             grey, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_LINEAR

@@ -1,10 +1,10 @@
-"""Processes that start quickly: a server that has everything loaded, and runs each call in a fork of itself.
+"""Fast start of processes: a server that has everything loaded runs each call in a fork of itself.
 
-There is one simulation a process, and a process takes seconds to import everything and to load the compiled
-kernels. The server does so once; SUMO is not started in it, and it starts no thread of its own. What a call
-compiles or loads for the first time, the server loads after it, for the next ones.
+A process can run only one simulation, and takes seconds to import everything and to load the compiled
+kernels. The server does so once; it neither starts SUMO nor any thread. Kernels that a call compiles or loads
+for the first time are then loaded by the server, for later calls.
 
-The server ends with the process that started it, and the running calls end with the server, however that was
+The server ends with the process that started it, and the running calls end with the server, even if it is
 killed.
 """
 
@@ -26,19 +26,19 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, NoReturn
 
 _SINGLE = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-_MOST_WORDS = 20_000  # bytes of what a call said on standard error
+_MOST_WORDS = 20_000  # bytes kept of a call's standard error
 LOADED = ("analysis.campaign.one", "analysis.simulate", "libsumo", "traci", "sumolib")
 _DIED = "the process that starts the runs was ended"
 
 
 class Outcome(NamedTuple):
-    """What came of one call."""
+    """Result of one call."""
 
-    value: Any  # what the function gave
-    error: BaseException | None  # what it raised
+    value: Any  # returned by the function
+    error: BaseException | None  # raised by the function
     ended_by: int  # number of the signal that ended the process, else 0
-    words: str  # the end of what was said on standard error
-    seconds: float  # on the clock, from the fork to the end
+    words: str  # the end of its standard error
+    seconds: float  # wall-clock, from the fork to the end
     cpu_s: float  # of the process and its children
 
 
@@ -47,17 +47,17 @@ class ServerError(RuntimeError):
 
 
 class ForkServer:
-    """Runs functions in processes of their own, several at once if asked by several threads."""
+    """Runs functions in separate processes, concurrently if called from several threads."""
 
     def __init__(self, modules: Iterable[str] = LOADED) -> None:
-        """modules : that the server imports."""
+        """modules : names of those that the server imports."""
         self._modules = tuple(modules)
         self._server: tuple[subprocess.Popen[bytes], socket.socket] | None = None
         self._lock = threading.Lock()
-        self._closed: set[int] = set()  # pids of servers that were ended here
+        self._closed: set[int] = set()  # pids of servers ended by this process
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Outcome:
-        """Run an importable function. Raises ServerError where the server was ended, twice in a row."""
+        """Run an importable function. Raises ServerError if the server was killed twice in a row."""
         request = pickle.dumps((function, arguments))
         for _ in range(2):
             pid, reply = self._ask(request)
@@ -70,7 +70,7 @@ class ForkServer:
         raise ServerError(_DIED)
 
     def result(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """What the function gives, raising what it raises; ServerError where its process was ended."""
+        """Value of the function, raising its error; ServerError if its process was killed."""
         outcome = self.call(function, *arguments)
         if outcome.error is not None:
             raise outcome.error
@@ -80,11 +80,11 @@ class ForkServer:
 
     @property
     def pid(self) -> int | None:
-        """Of the server while it runs."""
+        """Process id of the running server."""
         return None if self._server is None else self._server[0].pid
 
     def close(self) -> None:
-        """End the server, and with it the calls that run: they raise ServerError."""
+        """End the server and the running calls, which raise ServerError."""
         pid = self.pid
         if pid is not None:
             self._closed.add(pid)
@@ -97,7 +97,7 @@ class ForkServer:
         self.close()
 
     def _ask(self, request: bytes) -> tuple[int, bytes]:
-        """Pid of the server, and its reply; b'' where it was ended."""
+        """Process id of the server, and its reply; b'' if it was killed."""
         ours, theirs = socket.socketpair()
         with ours:
             with theirs, self._lock:
@@ -106,7 +106,7 @@ class ForkServer:
                 process, control = self._server
                 with contextlib.suppress(OSError):
                     socket.send_fds(control, [b"call"], [theirs.fileno()])
-            with contextlib.suppress(OSError):  # the process was ended before it read; the server tells how
+            with contextlib.suppress(OSError):  # killed before reading; the server reports how
                 ours.sendall(request)
                 ours.shutdown(socket.SHUT_WR)
             return process.pid, _read_all(ours)
@@ -114,7 +114,7 @@ class ForkServer:
     def _end(self, pid: int) -> None:
         with self._lock:
             if self._server is None or self._server[0].pid != pid:
-                return  # another thread has done it
+                return  # already done by another thread
             (process, control), self._server = self._server, None
             process.kill()
             process.wait()
@@ -146,10 +146,10 @@ def _read_all(connection: socket.socket) -> bytes:
 
 
 class _Call(NamedTuple):
-    """One call that runs."""
+    """One running call."""
 
     child: int
-    asker: socket.socket  # who wants the outcome
+    asker: socket.socket  # receives the outcome
     answer: int  # pipe from the child
     parts: list[bytes]  # of its answer so far
     words: Any  # file with its standard error
@@ -157,13 +157,13 @@ class _Call(NamedTuple):
 
 
 class _Loaded:
-    """What the server has of the kernels, by module and name, so that forks need not load it again."""
+    """Kernels that the server has loaded, by module and name, so that forks need not load them again."""
 
     def __init__(self) -> None:
         self._known: set[tuple[str, str, Any]] = set()
 
     def news(self) -> list[tuple[str, str, Any]]:
-        """In a fork: what was compiled or loaded here."""
+        """In a fork: the kernels compiled or loaded in it."""
         if "sumo_net.compile" not in sys.modules:
             return []
         from sumo_net.compile import KERNELS
@@ -173,11 +173,11 @@ class _Loaded:
         return [one for one in found if one not in self._known]
 
     def load(self, news: list[tuple[str, str, Any]]) -> None:
-        """In the server: the same, from the cache on disk."""
+        """In the server: load them from the cache on disk."""
         for one in [one for one in news if one not in self._known]:
             self._known.add(one)
             module, name, signature = one
-            with contextlib.suppress(Exception):  # then each fork does it again
+            with contextlib.suppress(Exception):  # then each fork loads it itself
                 getattr(importlib.import_module(module), name).compile(signature)
         if news:
             _share()
@@ -185,7 +185,7 @@ class _Loaded:
 
 def serve() -> None:
     """Take calls from the socket that is standard input, until it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for the forks, and for who asks
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the forks and the caller
     control = socket.socket(fileno=os.dup(0))
     os.dup2(1, 0)
     with warnings.catch_warnings():
@@ -199,7 +199,7 @@ def serve() -> None:
 class _Server:
     def __init__(self, control: socket.socket) -> None:
         self._control, self._loaded = control, _Loaded()
-        self._alive, self._hold = os.pipe()  # the read end is every fork's, the write end the server's alone
+        self._alive, self._hold = os.pipe()  # forks hold the read end, only the server the write end
         self._calls: dict[int, _Call] = {}  # by the pipe from the child
         self._ready = selectors.DefaultSelector()
 
@@ -210,7 +210,7 @@ class _Server:
                 if key.fileobj is self._control:
                     _, connections, _, _ = socket.recv_fds(self._control, 4, 1)
                     if not connections:
-                        return  # the forks end, too
+                        return  # the forks end too
                     self._begin(socket.socket(fileno=connections[0]))
                 else:
                     self._go_on(self._calls[key.fd])
@@ -229,7 +229,7 @@ class _Server:
 
     def _in_fork(self, asker: socket.socket, answer: int, write: int, words: int) -> NoReturn:
         try:
-            # no copies of what others wait for the end of
+            # copies would keep these open, and others wait for their end
             for one in self._calls.values():
                 os.close(one.answer)
                 one.asker.close()
@@ -250,14 +250,14 @@ class _Server:
         del self._calls[call.answer]
         _, status, usage = os.wait4(call.child, 0)
         outcome, news = _outcome(call, status, usage.ru_utime + usage.ru_stime)
-        with call.asker, contextlib.suppress(OSError):  # who asked may be gone
+        with call.asker, contextlib.suppress(OSError):  # the caller may be gone
             call.asker.sendall(pickle.dumps(outcome))
         self._loaded.load(news)
 
 
 def _share() -> None:
     gc.collect()
-    gc.freeze()  # the forks' collectors leave these pages shared
+    gc.freeze()  # keeps these pages shared: the forks' collectors do not touch them
 
 
 def _outcome(call: _Call, status: int, cpu_s: float) -> tuple[Outcome, list[Any]]:
@@ -266,7 +266,7 @@ def _outcome(call: _Call, status: int, cpu_s: float) -> tuple[Outcome, list[Any]
     if not ended_by:
         try:
             value, error, news = pickle.loads(b"".join(call.parts))
-        except Exception:  # the function has left by os._exit
+        except Exception:  # the function called os._exit
             error = ServerError(f"the process of the run ended without an answer, status {status >> 8}")
     with call.words as words:
         words.seek(max(words.seek(0, os.SEEK_END) - _MOST_WORDS, 0))
@@ -294,7 +294,7 @@ def _work(asker: socket.socket, write: int, alive: int, loaded: _Loaded) -> NoRe
 
 
 def _end_with_server(alive: int) -> NoReturn:
-    os.read(alive, 1)  # nothing is ever written: this is the end of the server
+    os.read(alive, 1)  # nothing is ever written: returns when the server ends
     os._exit(1)
 
 
@@ -307,5 +307,5 @@ def _sendable(error: BaseException) -> BaseException:
 
 
 if __name__ == "__main__":
-    # under its own name, so that what is pickled here is known elsewhere
+    # imported by name, so that pickled classes are found by other processes
     importlib.import_module("analysis.fork_server").serve()

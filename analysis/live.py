@@ -11,7 +11,7 @@ from plugin.vision import JUDGED_Y
 
 
 def last_step(adas: DriverAssistance, handle: int) -> Drive | None:
-    """What a vehicle saw in the last step; None for one that is not equipped, or not on the road."""
+    """The last step of a vehicle; None if it is not equipped or not on the road."""
     found = adas.look(handle)
     if found is None:
         return None

@@ -1,4 +1,4 @@
-"""Figures from tables: lane accuracy, prediction errors and baselines, warnings against departures."""
+"""Figures from tables: lane accuracy, prediction errors and baselines, warnings and departures."""
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,7 @@ ERRORS = {
     "constant_velocity": "constant_velocity_lateral_error_m",
     "constant_radius": "constant_radius_lateral_error_m",
 }
-STRADDLING_M = 0.4  # so near a border either of its lanes may be meant
+STRADDLING_M = 0.4  # this near to a border, either of its lanes counts as the own lane
 SIGNALLED = "lane_change_signalled"
 
 
@@ -25,7 +25,7 @@ def distance_km(steps: pd.DataFrame) -> float:
 
 
 def category(steps: pd.DataFrame) -> pd.Series:
-    """One of CATEGORIES for every step, by what the driver truly does and the road's true curvature."""
+    """One of CATEGORIES for every step, by the driver's true action and the road's true curvature."""
     cause = steps["true_cause"]
     curved = steps[["true_curvature_1pm", "true_curvature_here_1pm"]].abs().max(axis=1) > CURVE_1PM
     values = np.select(
@@ -37,7 +37,7 @@ def category(steps: pd.DataFrame) -> pd.Series:
 
 
 def lane_accuracy(steps: pd.DataFrame) -> dict[str, float]:
-    """Recognition rates and root mean square errors of the lane and motion estimates, over marked road."""
+    """Recognition rates and root mean square errors of the lane and motion estimates, on marked road."""
     marked = steps[steps["on_marked_road"].fillna(False)]
     judged = marked["recognised"].notna()
     locked = marked[marked["lane_locked"].fillna(False)]
@@ -61,10 +61,10 @@ def lane_accuracy(steps: pd.DataFrame) -> dict[str, float]:
 
 
 def _offset_error(locked: pd.DataFrame) -> pd.Series:
-    """Estimate minus truth; of a vehicle that straddles a border, with respect to the lane that is meant.
+    """Estimate minus truth; for a vehicle that straddles a border, with respect to the same lane.
 
-    Which of its two lanes the offset refers to is then open: truth changes over when the centre of gravity
-    crosses. Anywhere else an offset in another lane is an error of its full size.
+    Estimate and truth may then refer to different lanes: truth switches when the centre of gravity crosses.
+    Elsewhere an offset in another lane counts as an error of its full size.
     """
     error = locked["lateral_offset_m"] - locked["true_lateral_offset_m"]
     width = locked["lane_width_m"]
@@ -99,7 +99,7 @@ def paired_gain(
 ) -> pd.DataFrame:
     """Mean of |baseline error| − |prediction error|, by category and horizon, with an interval.
 
-    Paired by step; 95 % bootstrap interval over (run, vehicle), since steps of one vehicle are alike.
+    Paired by step; 95 % bootstrap interval over (run, vehicle), since steps of one vehicle are correlated.
     """
     key = ["run_id", "vehicle_id", "time_s"]
     keyed = predictions.merge(steps[key].assign(category=category(steps)), on=key, how="left")
@@ -120,7 +120,7 @@ def before_crossing(steps: pd.DataFrame, below_s: float = 1.0) -> pd.DataFrame:
 
 
 def tlc_error(near: pd.DataFrame, column: str) -> pd.Series:
-    """|TLC error|; no crossing foreseen within the horizon is one of unknown size: it counts as infinite."""
+    """|TLC error|; infinite where no crossing was predicted within the horizon."""
     return (near[column].fillna(np.inf) - near["true_tlc_s"]).abs()
 
 
@@ -177,9 +177,9 @@ def summary(
     tracks: pd.DataFrame | None = None,
     conflicts: pd.DataFrame | None = None,
 ) -> dict[str, float]:
-    """All figures of a run, or of many runs whose tables are put one after the other, under one name each.
+    """All figures by name of a run, or of several runs whose tables are concatenated.
 
-    Those of the radar only where `tracks` and `conflicts` are given.
+    Those of the radar only if `tracks` and `conflicts` are given.
     """
     km = distance_km(steps)
     result: dict[str, float] = {
@@ -201,4 +201,4 @@ def summary(
 
 
 def _root_mean_square(values: pd.Series) -> float:
-    return float(np.sqrt(np.square(values).mean()))  # NaN where nothing is known
+    return float(np.sqrt(np.square(values).mean()))  # NaN if all values are

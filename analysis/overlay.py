@@ -1,4 +1,4 @@
-"""Pictures of footage with the found borders and the predicted path drawn in."""
+"""Frames of footage with detected borders and predicted path."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ def draw(picture: Array, rows: Array, columns: Array, path: Array, text: str) ->
     """
     height, width = picture.shape[:2]
     scale = min(1.0, GREATEST_WIDTH_PX / width)
-    # never smaller than the frames that were looked at
+    # at least the size of the processed frames
     size = (max(round(width * scale), WIDTH_PX), max(round(height * scale), HEIGHT_PX))
     drawn = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
     draw_borders(drawn, rows, columns)

@@ -12,9 +12,9 @@ SUFFIX = ".scenario.toml"
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Options --adas-mode and --adas-update."""
     group = parser.getgroup("sumo-adas", "scenarios of sumo-adas")
-    group.addoption("--adas-mode", choices=("paper", "refined"), help="mode of all scenarios, else their own")
+    group.addoption("--adas-mode", choices=("paper", "refined"), help="mode of all scenarios, not their own")
     group.addoption(
-        "--adas-update", action="store_true", help="write the golden figures anew instead of comparing"
+        "--adas-update", action="store_true", help="write the golden figures instead of comparing"
     )
 
 
@@ -34,17 +34,17 @@ class ScenarioFile(pytest.File):
 
 
 class ScenarioItem(pytest.Item):
-    """Runs the scenario's seeds and compares what came out with what is expected."""
+    """Runs the scenario's seeds and compares the figures with the expected ones."""
 
     def runtest(self) -> None:
-        """Run and compare. Raises ExpectationError, or SettingsError for a file that is wrong."""
+        """Run and compare. Raises ExpectationError, or SettingsError for an invalid file."""
         from analysis.regression import check
 
         option: Any = self.config.option
         check(self.path, mode=option.adas_mode, update=option.adas_update)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
-        """The differences; a traceback only for what is nobody's expectation."""
+        """The differences; a traceback only for other errors."""
         from analysis.regression import ExpectationError
         from sumo_net.settings import SettingsError
         from sumo_net.traffic import TrafficError
@@ -54,5 +54,5 @@ class ScenarioItem(pytest.Item):
         return str(super().repr_failure(excinfo))
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Where a report points to."""
+        """File and name for reports."""
         return self.path, 0, f"scenario {self.name}"

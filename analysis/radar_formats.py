@@ -1,4 +1,4 @@
-"""Other people's radar logs as logs of `analysis.radar_log`: a converter a format, by name."""
+"""Converters from other radar log formats to that of `analysis.radar_log`, by name."""
 
 import dataclasses
 from collections.abc import Callable
@@ -15,18 +15,18 @@ from plugin.tracking.tracker import TrackerSettings
 
 
 class Format(NamedTuple):
-    """How a format is read and what its radar's noise is."""
+    """Reader of a format, and its radar's noise."""
 
     convert: Callable[[Path], pd.DataFrame]
     noise: RadarNoise
 
 
 def comma2k19(path: Path) -> pd.DataFrame:
-    """A comma2k19 segment: radar.csv, or the folder that holds it, beside speed.csv and gyro.csv.
+    """A comma2k19 segment: radar.csv, or the folder with it, beside speed.csv and gyro.csv.
 
-    The messages of one 20 Hz cycle come spread over some milliseconds; they are one scan here, at their mean
-    time. An address that begins a new track goes on as ADDRESS.2, .3, … The yaw rate is minus the gyroscope's
-    z axis: of the three it is the one that follows speed times steering angle (correlation −0.92).
+    The messages of one 20 Hz cycle are spread over some milliseconds; here they are one scan at their mean
+    time. An address that begins a new track becomes ADDRESS.2, .3, … The yaw rate is minus the gyroscope's z
+    axis, the one of the three that follows speed times steering angle (correlation −0.92).
     """
     folder = path if path.is_dir() else path.parent
     radar, speed, gyro = (_table(folder / name, columns) for name, columns in _COMMA2K19.items())
@@ -34,11 +34,11 @@ def comma2k19(path: Path) -> pd.DataFrame:
         raise LogError(f"{folder / 'speed.csv'}: holds fewer than two rows")
     radar = radar.astype({"address": np.int64, "new_track": np.int64})
     scan = (radar["time_s"].diff() > 0.02).cumsum()
-    scan += (radar.groupby([scan, "address"]).cumcount() > 0).cumsum()  # an address twice: a cycle was lost
+    scan += (radar.groupby([scan, "address"]).cumcount() > 0).cumsum()  # twice an address: a cycle was lost
     time = radar.groupby(scan)["time_s"].transform("mean").round(6)
     life = radar.groupby("address")["new_track"].cumsum() + 1
     target: pd.Series[str] = radar["address"].astype(str) + np.where(life > 1, "." + life.astype(str), "")
-    # A fifth of a second of speed for the acceleration, of the gyroscope (100 Hz, shaken) for the yaw rate.
+    # Means over 0.2 s: of speed for the acceleration, of the gyroscope (100 Hz, shaken) for the yaw rate.
     smooth = speed.set_index("time_s")["speed_mps"].rolling(25, center=True, min_periods=1).mean()
     acceleration = np.gradient(smooth.to_numpy(), smooth.index.to_numpy())
     yaw = -gyro.set_index("time_s")["gyro_z_radps"].rolling(21, center=True, min_periods=1).mean()
@@ -74,7 +74,7 @@ def udacity(path: Path) -> pd.DataFrame:
             "time_s": (raw["time_us"] - raw["time_us"].min()) * 1e-6,
             "range_m": raw["rho"],
             "range_rate_mps": raw["rho_dot"],
-            "azimuth_rad": (raw["phi"] + np.pi) % (2 * np.pi) - np.pi,  # the set lets it run beyond π
+            "azimuth_rad": (raw["phi"] + np.pi) % (2 * np.pi) - np.pi,  # exceeds π in the data set
             "target_id": "1",
             "true_range_m": true_range,
             "true_range_rate_mps": (raw["x"] * raw["vx"] + raw["y"] * raw["vy"]) / true_range,
@@ -88,8 +88,8 @@ def udacity(path: Path) -> pd.DataFrame:
 
 
 FORMATS: dict[str, Format] = {
-    # Noise of the object lists' second differences is 0.03 m and 0.02 m/s; that of a list already filtered
-    # by the radar is not white, so far wider here.
+    # The object list's second differences show 0.03 m and 0.02 m/s; but as the radar has filtered the list,
+    # its noise is not white, hence the far larger values here.
     "comma2k19": Format(comma2k19, RadarNoise(range_m=0.3, range_rate_mps=0.2, azimuth_rad=0.005)),
     "udacity": Format(udacity, RadarNoise(range_m=0.3, range_rate_mps=0.3, azimuth_rad=0.03)),
 }
@@ -116,9 +116,9 @@ def track_recording(
 
     Parameters
     ----------
-    from_format : "csv" or one of FORMATS, whose radar's noise is then taken unless `options` are given.
-    own_association : leave given targets aside and associate.
-    options : everything else; its filter gives way to `filter_name`.
+    from_format : "csv" or one of FORMATS, whose radar noise is then used unless `options` are given.
+    own_association : ignore given targets and associate.
+    options : all other settings; `filter_name` replaces its filter.
 
     Raises LogError (the log) and ValueError (the filter's name).
     """
@@ -137,7 +137,7 @@ _COMMA2K19 = {
     "speed.csv": ("time_s", "speed_mps"),
     "gyro.csv": ("time_s", "gyro_z_radps"),
 }
-_MOST = 1e15  # beside which a double still has fractions; an integer column keeps its value
+_MOST = 1e15  # up to here a double still has fractions, and integers are exact
 
 
 def _table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:

@@ -1,9 +1,9 @@
 """Tracking on recorded radar logs: `sumo-adas track LOG.csv --out DIR --filter NAME`.
 
-A log is a CSV file, a row a detection, with the columns of `REQUIRED`; the rows of one scan carry one time,
-and a row with a time alone is a scan that saw nothing. Optional are `target_id` (association given; it is
-carried through), the ego's motion (a column that is absent stands for a radar at rest) and truth columns
-`true_…`, which need a target_id and are carried through beside the estimates.
+A log is a CSV file with one row per detection and the columns of `REQUIRED`; the rows of one scan have the
+same time, and a row with only a time is a scan without detections. Optional are `target_id` (association
+given; it is copied to the output), the ego motion (missing columns: a radar at rest) and truth columns
+`true_…`, which need a target_id and are copied beside the estimates.
 """
 
 import csv
@@ -45,7 +45,7 @@ COLUMNS = (
     Column("vehicle_id", "ego", "text"),
     Column("track_id", "number of the track, never used again", "int"),
     Column("target_id", "as given in the log; empty where the tracker associates", "text"),
-    Column("measured", "a detection of this scan was taken", "bool"),
+    Column("measured", "a detection of this scan was assigned", "bool"),
     Column("range_m", "from the radar"),
     Column("range_rate_mps", "positive: opening"),
     Column("azimuth_rad", "left positive", decimals=6),
@@ -58,13 +58,13 @@ COLUMNS = (
     Column("probability_cv", "of the constant-velocity mode; empty where the filter has none"),
     Column("motion_state", ", ".join(classification.NAMES), "text"),
     Column("ttc_s", "range over closing speed; empty where the range opens", decimals=3),
-    Column("restarts", "how often the filter's covariance was lost and begun anew", "int"),
+    Column("restarts", "how often the filter's covariance was lost and reset", "int"),
     *(Column(name, "as given in the log", decimals=6) for name in TRUE),
 )
 
 
 class LogError(InputError):
-    """What is wrong with a log; says file, line and column."""
+    """An error in a log, with file, line and column."""
 
 
 class Log(NamedTuple):
@@ -75,12 +75,12 @@ class Log(NamedTuple):
     detections: Detections  # owner 0; label is an index into `targets`
     ego: EgoMotion  # (S,) each
     targets: tuple[str, ...]
-    truth: pd.DataFrame  # time_s, target_id and the true_ columns there are; no rows where there are none
-    dropped: int  # rows that repeated another one exactly
+    truth: pd.DataFrame  # time_s, target_id and the existing true_ columns; empty if there are none
+    dropped: int  # exact duplicates of other rows
 
 
 def read_log(path: Path) -> Log:
-    """Read and check a log. Raises LogError, one line, that names file, line and column."""
+    """Read and check a log. Raises LogError, one line with file, line and column."""
     try:
         with warnings.catch_warnings(record=True) as odd:
             warnings.simplefilter("always", pd.errors.ParserWarning)
@@ -107,10 +107,10 @@ def read_log(path: Path) -> Log:
 
 
 def parse(frame: pd.DataFrame, source: str) -> Log:
-    """Check a log held as text or numbers, row i being line i + 2 of `source`. Raises LogError."""
+    """Check a log given as text or numbers; row i is line i + 2 of `source`. Raises LogError."""
     _check_columns(frame, source)
     text = frame.astype(str).apply(lambda column: column.str.strip())
-    text = text[(text != "").any(axis=1)]  # blank lines; the index keeps the line
+    text = text[(text != "").any(axis=1)]  # drop blank lines; the index keeps the line number
     if text.empty:
         raise LogError(f"{source}:{len(frame) + 2}: holds no rows")
     used = [name for name in KNOWN if name in text]
@@ -152,7 +152,7 @@ def parse(frame: pd.DataFrame, source: str) -> Log:
 def tracks(log: Log, options: TrackerSettings, own_association: bool = False) -> Iterator[dict[str, Any]]:
     """The confirmed tracks after each scan, as columns of `COLUMNS` without truth.
 
-    `own_association` leaves the given targets aside.
+    `own_association` ignores the given targets.
     """
     tracker = Tracker(options)
     state = tracker.init(1)
@@ -171,7 +171,7 @@ def tracks(log: Log, options: TrackerSettings, own_association: bool = False) ->
 def track(
     log: Log, name: str, out: Path | None, options: TrackerSettings, own_association: bool = False
 ) -> pd.DataFrame:
-    """Track a log called `name`; write tracks.csv into `out` where given; give the table."""
+    """Track a log called `name`; write tracks.csv into `out` if given; return the table."""
     memory = Recorder(name, tables={"tracks": COLUMNS})
     recorders = [memory] if out is None else [memory, Recorder(name, out, tables={"tracks": COLUMNS})]
     truth = {time: group.set_index("target_id") for time, group in log.truth.groupby("time_s")}
@@ -188,7 +188,7 @@ def track(
 
 
 def rmse(table: pd.DataFrame) -> dict[str, float]:
-    """Root mean square error of every estimate that has truth beside it."""
+    """Root mean square error of every estimate that has a truth column."""
     out = {}
     for name in TRUE:
         error = table[name.removeprefix("true_")] - table[name]
@@ -203,7 +203,7 @@ def _columns(log: Log, time: float, listed: TrackList) -> dict[str, Any]:
     shown = np.flatnonzero(listed.confirmed)
     estimate = {name: part[shown] for name, part in listed.estimate._asdict().items()}
     closing = -estimate["range_rate_mps"]
-    names = np.array([*log.targets, ""], dtype=object)  # label -1: the last
+    names = np.array([*log.targets, ""], dtype=object)  # label -1 gives the last, ''
     return estimate | {
         "time_s": np.full(len(shown), time),
         "vehicle_id": np.full(len(shown), "ego", dtype=object),
@@ -242,12 +242,12 @@ def _check_columns(frame: pd.DataFrame, source: str) -> None:
 
 
 def _named(*columns: object) -> str:
-    """Names from a file as they can be shown: short, without control characters."""
+    """Names from a file made printable: short, without control characters."""
     return ", ".join(repr(str(name)[:60]).strip("'\"") for name in columns[:40])
 
 
 def _numbers(rows: pd.DataFrame, name: str, source: str) -> Array:
-    """A column as numbers; NaN where it may be left empty and is."""
+    """A column as numbers; NaN for permitted empty cells."""
     may_be_empty = name in REQUIRED[1:] or name in TRUE
     numbers = pd.to_numeric(rows[name], errors="coerce").to_numpy(np.float64)
     wrong = ~np.isfinite(numbers)
@@ -278,7 +278,7 @@ def _check_targets(rows: pd.DataFrame, time: Array, names: Array, source: str) -
 def _per_scan(
     rows: pd.DataFrame, values: dict[str, Array], name: str, scan_of_row: Array, source: str
 ) -> Array:
-    """An ego column a scan (S,); zeros where the log has none."""
+    """An ego column by scan (S,); zeros if the log has none."""
     if name not in values:
         return np.zeros(scan_of_row.max() + 1)
     first = np.flatnonzero(np.diff(scan_of_row, prepend=-1))
@@ -288,7 +288,7 @@ def _per_scan(
 
 
 def _refuse(wrong: Array, rows: pd.DataFrame, name: str, source: str, rule: str) -> None:
-    """Raise LogError at the first row that is wrong."""
+    """Raise LogError for the first wrong row."""
     if wrong.any():
         line = rows.index[int(np.argmax(wrong))]
         raise LogError(f"{source}:{line + 2}: {name} = {str(rows.loc[line, name])[:80]!r} {rule}")

@@ -1,27 +1,27 @@
-"""Figures of the radar and the rear-end warning from tables: conflicts, warnings, tracks against truth."""
+"""Figures of radar and rear-end warning from tables: conflicts, warnings, track errors."""
 
 import numpy as np
 import pandas as pd
 
 from analysis.statistics import mean, per_100_km, poisson_interval, quantile
 
-NEAR_TTC_S = 3.0  # errors of the time to collision count below this
-VISIBLE_S = 1.0  # a warning is due of a leader that has been in path and in view for so long
-SETTLED_CYCLES = 3  # a class is due after so many
+NEAR_TTC_S = 3.0  # errors of the time to collision are counted below this
+VISIBLE_S = 1.0  # a warning is due if the leader has been in path and in view for this long
+SETTLED_CYCLES = 3  # a class is due after this many
 
 
 def rear_end_figures(
     steps: pd.DataFrame, tracks: pd.DataFrame, conflicts: pd.DataFrame, warnings: pd.DataFrame, km: float
 ) -> dict[str, float]:
-    """All figures of the radar chain, of one or more runs, under one name each."""
+    """All figures of the radar chain by name, of one or more runs."""
     return {**conflict_counts(conflicts, warnings, km), **ttc_errors(steps), **track_accuracy(tracks)}
 
 
 def conflict_counts(conflicts: pd.DataFrame, warnings: pd.DataFrame, km: float) -> dict[str, float]:
     """Conflicts and how many were warned in time; warnings of both levels by outcome.
 
-    Due is a warning of a conflict with a true time to collision under 2 s, whose leader had been in path and
-    in view for a second by then.
+    A warning is due for a conflict whose true time to collision falls under 2 s, if the leader has been in
+    path and in view for a second by then.
     """
     known = conflicts[conflicts["warned"].notna()]  # empty in tables of an older schema
     due = known[known["critical_s"].notna() & (known["visible_s"] >= VISIBLE_S)]
@@ -49,9 +49,9 @@ def conflict_counts(conflicts: pd.DataFrame, warnings: pd.DataFrame, km: float) 
 
 
 def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
-    """|error| of the time to collision where the true one is under 3 s and the leader is there to be seen."""
+    """|error| of the time to collision where the true one is under 3 s and the leader is in view."""
     near = steps[(steps["true_ttc_s"] < NEAR_TTC_S) & steps["true_leader_visible"].fillna(False)]
-    # no target, or a gap that seems to open, is an error of unknown size: it counts as infinite
+    # without a target, or with a gap that seems to open, the error counts as infinite
     error = (near["fcw_ttc_s"].fillna(np.inf) - near["true_ttc_s"]).abs()
     alone = near["fcw_track_ttc_s"] if "fcw_track_ttc_s" in near else pd.Series(np.nan, near.index)
     by_track = (alone.fillna(np.inf) - near["true_ttc_s"]).abs()
@@ -59,9 +59,9 @@ def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
         "ttc_steps": len(near),
         "ttc_error_median_s": quantile(error, 0.5),
         "ttc_error_p95_s": quantile(error, 0.95),
-        "ttc_track_error_median_s": quantile(by_track, 0.5),  # of the radar's tracks alone
+        "ttc_track_error_median_s": quantile(by_track, 0.5),  # from the radar tracks alone
         "ttc_track_error_p95_s": quantile(by_track, 0.95),
-        "ttc_error_apart_p95_s": quantile(error[near["true_gap_m"] > 0.0], 0.95),  # before bodies overlap
+        "ttc_error_apart_p95_s": quantile(error[near["true_gap_m"] > 0.0], 0.95),  # while bodies are apart
         "ttc_no_target_rate": mean(near["fcw_track_id"].isna()),
     }
 

@@ -1,7 +1,7 @@
 """The lane chain on recorded footage: lanes.csv, points.csv, and an overlay video.
 
-lanes.csv has a row a frame, points.csv the borders' image points, y down from the top of the 320x240 image.
-Rows are written as they come, so that an interruption keeps them.
+lanes.csv has one row per frame, points.csv the borders' image points, y down from the top of the 320x240
+image. Rows are written as they are computed, so that an interruption keeps them.
 """
 
 import csv
@@ -50,18 +50,18 @@ LANE_COLUMNS = [
 WARNING_COLUMNS = ["tlc_s", "tlc_side", "ldw_state"]  # besides, where the speed is given
 POINT_COLUMNS = ["frame", "side", "x_px", "y_px"]
 POINT_ROWS_DOWN = np.arange(HEIGHT_PX - 5, 0, -5)  # every 5 rows, from near to far
-PAPER_ROWS = 150  # what the published search looks at
+PAPER_ROWS = 150  # rows that the published search uses
 
 _WHOLE = 0.98  # some containers miscount their frames
 UNKNOWN_MPS = 25.0  # where the speed is not given
 LOOKS_AT_FIRST = 3  # at a first frame: the start, and what confirms a weak one
 LOOKS_AT_STILL = 6
-CUT_GREY = 8.0  # mean change between images of a folder from which on they are different places
+CUT_GREY = 8.0  # larger mean change between images of a folder: a different place
 CUT_GREY_VIDEO = 30.0
 
 
 class Found(NamedTuple):
-    """What one frame gave."""
+    """Results of one frame."""
 
     lane: LaneEstimate  # of one vehicle
     borders: Borders
@@ -89,7 +89,7 @@ def detect(
         raise SettingsError(f"speed_mps = {speed_mps}: must be 0 to 100")
     calibrated = camera if isinstance(camera, Camera) else read_camera(Path(camera))
     footage = open_footage(source)
-    next(frames(footage), None)  # where not even the first can be read, nothing is written
+    next(frames(footage), None)  # raises before anything is written if the first cannot be read
     directory = Path(out)
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -144,7 +144,7 @@ def _look(
 
 
 class _Refined:
-    """The default mode: the published search where there is no lane, then the tracker."""
+    """The default mode: the published search while there is no lane, then the tracker."""
 
     def __init__(self, camera: Camera, step_s: float, speed_mps: float) -> None:
         self._projection = projection(camera)
@@ -155,12 +155,12 @@ class _Refined:
         self._state = refine.init(1)
 
     def look(self, frame: Array, fresh: bool, looks: int) -> Found:
-        """One frame; `fresh`: it has nothing to do with the one before."""
+        """One frame; `fresh`: unrelated to the one before."""
         if fresh:
             self._state = refine.init(1)
         lane = self._step(frame, np.zeros(1) if fresh else self._speed)
         if fresh or not lane.locked[0]:
-            # nothing is known from before: the same frame again, which confirms and settles a start
+            # without history: the same frame again, to confirm and settle a start
             for _ in range(looks - 1):
                 lane = self._step(frame, np.zeros(1))
         reach = max(float(self._state.reach_m[0]), 10.0)
@@ -194,7 +194,7 @@ class _Paper:
         return genetic.init(np.array([stream_key(0, "recording", "search")], np.uint64))
 
     def look(self, frame: Array, fresh: bool, looks: int) -> Found:
-        """One frame; the source looks once at each, whatever `looks`."""
+        """One frame; `looks` is ignored: the source uses each frame once."""
         del looks
         if fresh:
             self._state = self._fresh()

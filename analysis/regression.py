@@ -21,21 +21,21 @@ from sumo_net.settings import SettingsError, read, read_toml, settings
 TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
 
 
-_processes = ForkServer()  # what it has loaded serves all files of a session
+_processes = ForkServer()  # shared by all files of a session
 atexit.register(_processes.close)
 
 
 class ExpectationError(AssertionError):
-    """What was expected, what was measured, where it was worst, and how to see it."""
+    """Expected and measured figures, where they are worst, and how to see it."""
 
 
 @settings
 class Golden:
-    """Figures that are kept beside the file and must stay as they are."""
+    """Figures stored beside the file, from which later ones may not deviate."""
 
     figures: tuple[str, ...] = Field((), description="dotted names, as in expect")
     tolerance: float = Field(0.1, ge=0, description="share of the golden value")
-    slack: float = Field(0.0, ge=0, description="and this much more")
+    slack: float = Field(0.0, ge=0, description="absolute tolerance in addition")
 
 
 @settings
@@ -52,13 +52,13 @@ class Regression:
 
 
 def check(file: Path, mode: str | None = None, update: bool = False) -> dict[str, float]:
-    """Run the file's seeds; the figures of all of them together.
+    """Run the file's seeds; returns the figures over all of them.
 
-    Raises ExpectationError where they are not as expected, SettingsError for a file that is wrong.
+    Raises ExpectationError if they are not as expected, SettingsError for an invalid file.
     """
     wanted, bounds = expectations(file)
     options: dict[str, Any] = {} if mode is None else {"mode": mode}
-    settings_of(str(file), **options)  # before anything is run
+    settings_of(str(file), **options)  # raises before anything is run
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
         tables = _run(str(file), wanted.seeds, options, Path(work))
     figures = summary(**tables)
@@ -75,7 +75,7 @@ def check(file: Path, mode: str | None = None, update: bool = False) -> dict[str
 
 
 def expectations(file: Path) -> tuple[Regression, dict[str, dict[str, float]]]:
-    """What the file says, and its bounds by figure and rule. Raises SettingsError."""
+    """Contents of the file, and its bounds by figure and rule. Raises SettingsError."""
     wanted = read(Regression, read_toml(file), str(file))
     return wanted, dict(_bounds(wanted.expect))
 
@@ -83,7 +83,7 @@ def expectations(file: Path) -> tuple[Regression, dict[str, dict[str, float]]]:
 def _run(
     scenario: str, seeds: tuple[int, ...], options: dict[str, Any], work: Path
 ) -> dict[str, pd.DataFrame]:
-    """All seeds, one after the other, each in a process of its own: one simulation a process."""
+    """All seeds, one after the other, each in a separate process: only one simulation fits in a process."""
     for seed in seeds:
         _processes.result(_one, scenario, work / str(seed), seed, options)
     return {
@@ -115,7 +115,7 @@ def _number(name: str, value: Any) -> float:
 
 
 def _figure(name: str, figures: Mapping[str, float], file: Path) -> str:
-    """`departures.missed` is departures_missed, `tracks.class_accuracy` is class_accuracy."""
+    """Full name: `departures.missed` is departures_missed, `tracks.class_accuracy` is class_accuracy."""
     for key in (name.replace(".", "_"), name.split(".", 1)[-1].replace(".", "_")):
         if key in figures:
             return key
@@ -157,7 +157,7 @@ def _fault(
 
 
 def worst_moment(figure: str, tables: Mapping[str, pd.DataFrame]) -> str:
-    """Run, vehicle and time at which a figure was worst; '' where no one moment is."""
+    """Run, vehicle and time at which a figure was worst; '' if there is no single moment."""
     steps = tables["steps"]
     found: tuple[pd.DataFrame, str, pd.Series] | None = None
     if figure.startswith(("departures", "warned")):
@@ -201,7 +201,7 @@ def _golden(file: Path, wanted: Regression, figures: Mapping[str, float], update
     now = {name: float(f"{figures[_figure(name, figures, file)]:.6g}") for name in golden.figures}
     if update or not place.exists():
         place.write_text(json.dumps(now, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-        return [] if update else [f"{place.name} was not there: written now, look at it and run again"]
+        return [] if update else [f"{place.name} did not exist: written now, check it and run again"]
     before = json.loads(place.read_text(encoding="utf-8"))
     faults = []
     for name, value in now.items():

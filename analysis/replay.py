@@ -1,4 +1,4 @@
-"""Frames of a run that kept none: the run is repeated from its configuration.json, as far as is needed."""
+"""Frames of a run that kept none: the run is repeated from its configuration.json as far as needed."""
 
 import dataclasses
 import json
@@ -27,13 +27,14 @@ _STEP_S = 0.1
 def replay(
     directory: Path, vehicle_ids: Sequence[str], *, threads: int | None = None, quiet: bool = True
 ) -> list[str]:
-    """Repeat the run whose tables lie in `directory`, and keep the frames of some of its vehicles there.
+    """Repeat the run in `directory`, and keep the frames of some of its vehicles there.
 
-    Where no driver reacts to warnings, the other equipped vehicles drive but sense nothing: that changes no
-    row of those asked for, and saves most of the time. The repeated rows are compared with the recorded ones;
-    what differs is in the answer (a line a vehicle, empty when all is equal), and in the drive's notes.
+    If no driver reacts to warnings, the other equipped vehicles drive but sense nothing: this does not change
+    the rows of the vehicles asked for, and saves most of the time. The repeated rows are compared with the
+    recorded ones; differences are returned (a line per vehicle, empty if all are equal) and added to the
+    drive's notes.
 
-    Raises DriveError, SettingsError or TrafficError; there is one simulation a process.
+    Raises DriveError, SettingsError or TrafficError; only one simulation can run in a process.
     """
     directory = Path(directory)
     for name in vehicle_ids:
@@ -48,7 +49,7 @@ def replay(
             recorded[recorded["vehicle_id"] == name], repeated[repeated["vehicle_id"] == name]
         )
         if difference:
-            finding = f"the repeated run is not the recorded one: '{name}' {difference}"
+            finding = f"the repeated run differs from the recorded one: '{name}' {difference}"
             findings.append(f"{finding} (recorded with {run.versions})")
             folder = directory / FRAMES / folder_name(name)
             if (folder / OWNER).exists():
@@ -74,7 +75,7 @@ def settings_to_repeat(directory: Path) -> RunSettings:
 def _repeat(
     directory: Path, run: RunSettings, ids: Sequence[str], until_s: float, threads: int | None, quiet: bool
 ) -> pd.DataFrame:
-    """The steps of the run again, to `until_s`."""
+    """The steps of the run, repeated up to `until_s`."""
     configuration = _for_replay(run.configuration)
     console = Console(stderr=True, highlight=False, quiet=quiet)
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
@@ -94,13 +95,13 @@ def _repeat(
 
 
 def _for_replay(configuration: Configuration) -> Configuration:
-    # what is written changes nothing that is driven
+    # recording does not affect the simulation
     recording = dataclasses.replace(configuration.recording, tracks=False, frames=0)
     return dataclasses.replace(configuration, recording=recording)
 
 
 def _difference(recorded: pd.DataFrame, repeated: pd.DataFrame) -> str:
-    """What is not equal in two tables of one vehicle's steps; '' where all is."""
+    """Description of the differences of two tables of one vehicle's steps; '' if equal."""
     shared = [name for name in recorded if name in repeated and name != "paper_recognised"]
     both = recorded[shared].merge(repeated[shared], on="time_s", suffixes=("", "|again"))
     if len(both) < len(recorded):

@@ -15,12 +15,12 @@ from plugin.configuration import Configuration
 
 _HEADER = """# Settings
 
-Made from the settings' own classes by `python -m analysis.settings_reference > docs/settings.md`.
+Generated from the settings classes by `python -m analysis.settings_reference > docs/settings.md`.
 
 Every key of a scenario file, with its default. A section is a TOML table: `[departure]` and then
 `threshold_s = 1.2`, or `departure.threshold_s = 1.2` at the top. The same names go into a campaign's
 `[grid]`, a regression's `[settings]` and `DriverAssistance.attach(settings=…)`. Units are in the names; left
-is positive. A value out of its bounds, or an unknown key, ends in one line that says what is allowed.
+is positive. A value out of bounds, or an unknown key, gives a one-line error that says what is allowed.
 """
 _LIMITS = {
     annotated_types.Gt: (">", "gt"),
@@ -86,7 +86,7 @@ def _table(cls: Any, section: str) -> list[str]:
 
 
 def _anchor(section: str, name: str, entries: bool) -> str:
-    # as Python-Markdown's and GitHub's heading ids: lower case, no points and brackets
+    # like heading ids of Python-Markdown and GitHub: lower case, no dots and brackets
     return f"{section}.{name}".replace(".", "").lower() if section else name
 
 
@@ -148,7 +148,7 @@ def _allowed(field: FieldInfo) -> str:
 
 
 def _limits(field: FieldInfo) -> list[Any]:
-    """Of the key itself, and of the entries of a list or the number beside none."""
+    """Limits of the key itself, or of a list's entries or an optional number."""
     found = list(field.metadata)
     pending = [field.annotation]
     while pending:
@@ -157,7 +157,7 @@ def _limits(field: FieldInfo) -> list[Any]:
             for limit in typing.get_args(annotation)[1:]:
                 found += limit.metadata if isinstance(limit, FieldInfo) else [limit]
         pending += [arg for arg in typing.get_args(annotation) if typing.get_origin(annotation) is not None]
-    return list(dict.fromkeys(found))  # equal ones, as of both numbers of a pair, once
+    return list(dict.fromkeys(found))  # duplicates, as for both numbers of a pair, once
 
 
 def _choices(annotation: Any) -> tuple[Any, ...]:
@@ -172,7 +172,7 @@ def _choices(annotation: Any) -> tuple[Any, ...]:
 
 def _presets() -> list[str]:
     parts = [
-        '\n`preset = "NAME"` sets these, keys beside it change them; short: `condition = "NAME"`.\n\n'
+        '\n`preset = "NAME"` sets these; further keys override them. Short: `condition = "NAME"`.\n\n'
         "| preset | sets |\n|---|---|\n"
     ]
     for name in PRESETS:

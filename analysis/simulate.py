@@ -19,9 +19,9 @@ from sumo_net.traffic import Traffic, TrafficError
 
 
 class Window(NamedTuple):
-    """How SUMO's own window is opened."""
+    """Options of SUMO's own window."""
 
-    delay_ms: int = 100  # least time of a step; 100: real time at most
+    delay_ms: int = 100  # least time per step; 100: at most real time
 
 
 def settings_of(
@@ -35,7 +35,7 @@ def settings_of(
     frames: int | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Configuration:
-    """The settings of a scenario (name, .toml or .sumocfg) with what else was given. Raises SettingsError."""
+    """The settings of a scenario (name, .toml or .sumocfg) with the given changes. Raises SettingsError."""
     given: dict[str, Any] = dict(changes or {})
     options = {"seed": seed, "duration_s": duration_s, "mode": mode, "condition": condition}
     given |= {name: value for name, value in options.items() if value is not None}
@@ -59,9 +59,9 @@ def simulate(
 ) -> Path:
     """Run `scenario` and write its tables into `out`; `options` are those of `settings_of`.
 
-    `window`: run in SUMO's own window, in a process of its own (traci): no table changes by that.
+    `window`: run in SUMO's own window, a separate process (traci); the tables are the same.
 
-    What has been computed is written also when the run is interrupted. Raises SettingsError or TrafficError.
+    An interrupted run also writes what it has computed. Raises SettingsError or TrafficError.
     """
     configuration = settings_of(scenario, **options)
     name = name_of(scenario)
@@ -120,7 +120,7 @@ def _in_window(traffic: Traffic, adas: DriverAssistance, out: Path) -> Callable[
 
 
 def name_of(scenario: str) -> str:
-    """What a run of `scenario` is called: a built-in name, or the file's name without its suffixes."""
+    """Name of a run of `scenario`: a built-in name, or the file's name without suffixes."""
     path = Path(scenario)
     return (path.parent.name if path.name == CONFIGURATION else path.name.split(".")[0]) or "run"
 
@@ -135,12 +135,12 @@ def drive(
     stop_here: Callable[[], None],
     after_step: Callable[[], None] = lambda: None,
 ) -> None:
-    """SUMO alone for the warm-up, then with the assistance; `stop_here` is called where it may end."""
+    """SUMO alone for the warm-up, then with the assistance; `stop_here` is called where the run may end."""
 
     def tell(kernels: int) -> None:
         text = f"{name}: compiling, once, about a minute"
         progress.update(task, description=f"{text}: {kernels} kernels")
-        if progress.disable and not kernels:  # no terminal: a line instead of the bar
+        if progress.disable and not kernels:  # without a terminal: a line instead of the bar
             console.print(text, markup=False)
 
     progress = _progress(console)
@@ -160,9 +160,9 @@ def drive(
 
 @contextlib.contextmanager
 def between_steps() -> Iterator[Callable[[], None]]:
-    """Holds a Ctrl-C back until the function that it gives is called: no step, no table is cut in two.
+    """Defers Ctrl-C until the function that it yields is called, so that no step or table is left incomplete.
 
-    A second one interrupts at once. Only the main thread gets signals; elsewhere nothing is held back.
+    A second Ctrl-C interrupts at once. Works only in the main thread, which alone receives signals.
     """
     if threading.current_thread() is not threading.main_thread():
         yield lambda: None

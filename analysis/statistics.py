@@ -1,4 +1,4 @@
-"""Small statistics that several figures share."""
+"""Statistics shared by several figures."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -10,8 +10,8 @@ from scipy.stats import bootstrap, chi2
 Array = np.ndarray[Any, Any]
 
 RESAMPLES = 1000
-_TINY = np.finfo(np.float64).tiny  # where all rows drawn count nothing, the ratio is 0
-_NUMBERS_AT_ONCE = 1_000_000  # drawn in memory at a time
+_TINY = np.finfo(np.float64).tiny  # makes the ratio 0 if all rows drawn are 0
+_NUMBERS_AT_ONCE = 1_000_000  # drawn at a time, bounds the memory
 
 
 def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
@@ -22,25 +22,25 @@ def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
 
 
 def per_100_km(count: float, km: float) -> float:
-    """A rate per 100 km, NaN where nothing was driven."""
+    """A rate per 100 km, NaN without distance."""
     return 100.0 * count / km if km > 0.0 else float("nan")
 
 
 def mean(values: Iterable[bool]) -> float:
-    """Share of True; NaN of nothing."""
+    """Share of True; NaN without values."""
     array = np.asarray(list(values), dtype=float)
     return float(array.mean()) if len(array) else float("nan")
 
 
 def quantile(values: pd.Series, q: float) -> float:
-    """The next higher observation at q; NaN of nothing."""
+    """The next higher observation at q; NaN without values."""
     if values.empty:
         return float("nan")
     return float(np.quantile(values.to_numpy(), q, method="higher"))
 
 
 def ratio_interval(numerator: Array, denominator: Array, resamples: int = RESAMPLES) -> tuple[float, float]:
-    """95 % bootstrap interval of Σ numerator / Σ denominator, rows drawn; NaN for fewer than two rows."""
+    """95 % bootstrap interval over rows of Σ numerator / Σ denominator; NaN for fewer than two rows."""
     if len(numerator) < 2 or not np.sum(denominator):
         return float("nan"), float("nan")
     interval = bootstrap(
@@ -61,7 +61,7 @@ def quantile_ratio_interval(
 ) -> tuple[float, float]:
     """95 % bootstrap interval of quantile(numerator, q) / quantile(denominator, q) of paired rows (N,).
 
-    Whole clusters are drawn: `cluster` (N,) numbers them from 0. NaN for fewer than two.
+    Resampled by cluster: `cluster` (N,) numbers them from 0. NaN for fewer than two.
     """
     clusters = int(cluster.max()) + 1 if len(cluster) else 0
     if clusters < 2:
@@ -73,14 +73,14 @@ def quantile_ratio_interval(
         drawn = np.repeat(np.arange(len(cluster)), times[cluster])
         over = quantile(denominator.iloc[drawn], q)
         ratios[k] = quantile(numerator.iloc[drawn], q) / over if over > 0.0 else np.inf
-    low, high = np.quantile(ratios, (0.025, 0.975), method="higher")  # no mean of two: one may be infinite
+    low, high = np.quantile(ratios, (0.025, 0.975), method="higher")  # no mean: one may be infinite
     return float(low), float(high)
 
 
 def clustered_share(rows: pd.DataFrame, column: str) -> tuple[float, float, float]:
-    """Share of True in `column`, with a 95 % bootstrap interval over (run, vehicle): frames of one are alike.
+    """Share of True in `column`, with a 95 % bootstrap interval over (run, vehicle): their frames are alike.
 
-    The interval is NaN for fewer than two vehicles, the share of no rows too.
+    The interval is NaN for fewer than two vehicles, the share without rows too.
     """
     per_vehicle = rows.groupby(["run_id", "vehicle_id"], observed=True)[column].agg(["sum", "count"])
     hits, count = (per_vehicle[name].to_numpy(np.float64) for name in ("sum", "count"))

@@ -13,7 +13,7 @@ _ROWS = {
 }
 _HEADER = """# Tables
 
-Made from the schema by `python -m analysis.table_reference > docs/tables.md`.
+Generated from the schema by `python -m analysis.table_reference > docs/tables.md`.
 
 Each table is one file, CSV or Parquet, with one header. SI units are in the column names. An empty cell
 means "not applicable" or "not known", never 0. Left is positive: offsets, headings, curvatures, rates.

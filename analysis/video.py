@@ -1,4 +1,4 @@
-"""A drive as a video, or one moment of it as a still: `sumo-adas video`."""
+"""A drive as a video, or one step of it as a still: `sumo-adas video`."""
 
 import math
 from collections.abc import Callable
@@ -30,11 +30,11 @@ def make_video(
     *,
     tell: Callable[[str], None] = lambda words: None,
 ) -> Drive:
-    """Write the drive of a vehicle of a run to `out`, as a video or (by the suffix) a still.
+    """Write the drive of a vehicle of a run to `out`, as a video or, by the suffix, a still.
 
-    Where the run kept no frames of it, the run is repeated first (`analysis.replay`). Without `vehicle_id`
-    it is the most interesting one of all. begin_s, end_s: SUMO time; a still shows begin_s, or the most
-    interesting moment. `tell` is given what a user should know, a line at a time.
+    If the run kept no frames of it, the run is repeated first (`analysis.replay`). `vehicle_id` defaults to
+    the most interesting vehicle. begin_s, end_s: SUMO time; a still shows begin_s, by default the most
+    interesting step. `tell` receives messages for the user, a line each.
 
     Raises DriveError, FilmError, SettingsError or TrafficError.
     """
@@ -59,7 +59,7 @@ def make_video(
 
 
 def moment_of_interest(drive: Drive) -> int:
-    """The step to look at: at the first departure that counted, else a warning, else in the middle."""
+    """Step of the first departure for which a warning was due, else of a warning, else the middle."""
     due = drive.departures[drive.departures["warned"].notna()]
     for times in (
         due["crossing_s"],

@@ -1,8 +1,7 @@
-"""Compiling on both cores: a second process takes the kernels from the same list as the first.
+"""Compilation on two cores: a second process takes kernels from the same list as the first.
 
-All kernels take about a minute of one core to compile, once. `compiling` starts a helper where that is still
-to be done; both processes keep what they have compiled in the same cache, and neither waits for the other but
-at `meet`.
+Compiling all kernels takes about a minute of one core, once. `compiling` starts a helper process if that is
+still to be done; both processes write to the same cache, and wait for each other only at `meet`.
 """
 
 import contextlib
@@ -28,10 +27,10 @@ _TELL_EVERY_S = 0.2
 
 @contextlib.contextmanager
 def compiling(tell: Tell = lambda _: None) -> Iterator[Meet]:
-    """Have the kernels compiled by two processes, if they are not yet.
+    """Let two processes compile the kernels, if they are not compiled yet.
 
-    Call what it gives before the first step: that does this process's share, and returns when the helper has
-    done its own. `tell` is called with the number of kernels done, first with 0.
+    Call the function it yields before the first step: it does this process's share, and returns when the
+    helper has finished. `tell` is called with the number of kernels done, first with 0.
     """
     if compiled():
         yield lambda: None
@@ -42,16 +41,16 @@ def compiling(tell: Tell = lambda _: None) -> Iterator[Meet]:
 
 
 class _Teller(event.Listener):
-    """Tells how far both processes are, after a kernel that this one has compiled."""
+    """Reports the progress of both processes after each kernel compiled in this one."""
 
     def __init__(self, tell: Tell) -> None:
         self._tell, self._told = tell, time.monotonic()
 
     def on_start(self, event: Any) -> None:
-        """Nothing is done yet."""
+        """Does nothing."""
 
     def on_end(self, event: Any) -> None:
-        """A kernel, or one within another, is compiled."""
+        """Called when a kernel, possibly nested, is compiled."""
         if time.monotonic() - self._told > _TELL_EVERY_S:
             self._told = time.monotonic()
             self._tell(kept())
@@ -64,15 +63,15 @@ def _with_helper() -> Iterator[Meet]:
         return
     waiting, filled = os.pipe()
     os.write(filled, bytes(range(len(PARTS))))
-    os.close(filled)  # who reads on when all are taken finds the end
-    # -P: whatever is called `analysis` where the user stands is not this one
+    os.close(filled)  # so that readers find the end when all are taken
+    # -P: not another `analysis` in the user's working directory
     command = [sys.executable, "-P", "-m", "analysis.warm_up"]
     said, quiet = subprocess.PIPE, subprocess.DEVNULL
     with subprocess.Popen(command, stdin=waiting, stdout=said, stderr=quiet) as helper:
 
         def meet() -> None:
             take(waiting, lambda _: None)
-            helper.wait()  # should it have failed, what it had taken is compiled where it is needed
+            helper.wait()  # if it failed, its parts are compiled when first used
 
         try:
             yield meet
@@ -82,9 +81,9 @@ def _with_helper() -> Iterator[Meet]:
 
 
 def take(waiting: int, say: Callable[[bytes], object]) -> None:
-    """Compile one part after the other of those whose numbers, a byte each, wait in a pipe.
+    """Compile the parts whose numbers, a byte each, are taken from the pipe `waiting`, until it is empty.
 
-    `say` is called with each number before.
+    `say` is called with each number first.
     """
     with _nothing_collected():
         while number := os.read(waiting, 1):
@@ -93,14 +92,14 @@ def take(waiting: int, say: Callable[[bytes], object]) -> None:
 
 
 def help_parent() -> None:
-    """Take from standard input, until all is taken or the parent, which reads what is said, is gone."""
+    """Take parts from standard input, until it is empty or the parent, which reads the numbers, is gone."""
     with contextlib.suppress(BrokenPipeError):
         take(sys.stdin.fileno(), functools.partial(os.write, sys.stdout.fileno()))
 
 
 @contextlib.contextmanager
 def _nothing_collected() -> Iterator[None]:
-    # a compiler keeps most of what it makes: looking for rubbish is a tenth of its time
+    # a compiler keeps most objects: garbage collection would be a tenth of its time
     collects = gc.isenabled()
     gc.disable()
     try:

@@ -1,6 +1,6 @@
-"""What a run compiles, in parts that can be compiled by themselves.
+"""The kernels of a run, in parts that can be compiled independently.
 
-What they call the kernels with has the types of a run, and no meaning.
+The arguments have the types of a run, but their values have no meaning.
 """
 
 from types import SimpleNamespace
@@ -23,7 +23,7 @@ def lane() -> None:
 
 
 def picture() -> None:
-    """Compile the renderer, where a lane's true borders are, and whether those found lie on them."""
+    """Compile the renderer, the true borders, and the recognition verdict."""
     from camera_synth.camera import PROCESSED_FROM, Camera, projection
     from camera_synth.render import new_frames, render
     from camera_synth.truth import border_columns, new_border_columns
@@ -50,7 +50,7 @@ def search() -> None:
 
 
 def _scene() -> tuple[Any, ...]:
-    # one camera that sees nothing: road, objects, pose, looks
+    # one camera in an empty scene: road, objects, pose, looks
     from camera_synth.condition import Condition, looks
     from camera_synth.pose import Pose
     from sumo_net.road import AHEAD_M, MAX_BORDERS, RoadAhead
@@ -64,7 +64,7 @@ def _scene() -> tuple[Any, ...]:
 
 
 def motion() -> None:
-    """Compile own sensors, observer, prediction, lane-departure warning and what judges them, by default."""
+    """Compile own sensors, observer, prediction, lane-departure warning, scoring, by default settings."""
     from camera_synth.camera import Camera
     from ego_synth import sensors
     from plugin.ground_truth import Judge
@@ -111,7 +111,7 @@ def scans() -> None:
 
 
 def tracks() -> None:
-    """Compile the tracker, as in the default settings."""
+    """Compile the tracker of the default settings."""
     from plugin.tracking.detections import Detections, at_rest
     from plugin.tracking.tracker import Tracker, TrackerSettings
 
@@ -123,7 +123,7 @@ def tracks() -> None:
 
 
 def leaders() -> None:
-    """Compile how the vehicles ahead are followed and warned of, as in the default settings."""
+    """Compile the following of leaders and the rear-end warning of the default settings."""
     from camera_synth.camera import Camera, projection
     from camera_synth.render import new_frames
     from plugin.lane.hidden import hidden_by
@@ -154,7 +154,7 @@ def leaders() -> None:
 
 
 def scores() -> None:
-    """Compile what radar tracks and warnings are judged by, and the tables' numbers."""
+    """Compile the scoring of radar tracks and warnings, and the rounding of tables."""
     from plugin import track_truth_kernels
     from plugin.conflicts import ConflictBook, in_view, nobody
     from plugin.record_kernels import rounded
@@ -185,7 +185,7 @@ def _no_tracks() -> Any:
 
 
 def own_drive() -> None:
-    """Compile how the equipped vehicles are driven, and what is ahead of them."""
+    """Compile the equipped vehicles' drivers and dynamics, and the road that they see."""
     from plugin.conflicts import path_leaders
     from sumo_net.bend_speed_kernels import bend_speeds
     from sumo_net.driver import Driver, attentive, numbers, traits
@@ -214,7 +214,7 @@ def own_drive() -> None:
 
 
 def surroundings() -> None:
-    """Compile what road is ahead of the equipped vehicles, who is around them, and who drives ahead."""
+    """Compile the road ahead, the surrounding bodies and the leaders of equipped vehicles."""
     from plugin.conflicts import LaneOrder
     from sumo_net.frames import heading_from_sumo_angle
     from sumo_net.road_kernels import ahead
@@ -237,6 +237,6 @@ def _snapshot(n: int) -> Any:
     return at._replace(lane=np.zeros(n, np.int32))
 
 
-# The longest first, so that neither process waits long for the other's last. What calls the same large inner
-# kernels is one part: these are not kept for the other process.
+# The longest first, so that neither process waits long for the other's last. Kernels that call the same large
+# inner kernels are in one part, since inner kernels are not cached for the other process.
 PARTS = (lane, picture, motion, own_drive, leaders, tracks, scans, search, scores, surroundings)

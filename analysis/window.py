@@ -1,4 +1,4 @@
-"""SUMO's own window on a run: vehicles coloured by state, warnings beside them, one's camera in a file."""
+"""A run in SUMO's own window: vehicles coloured by state, with warnings; one camera image in a file."""
 
 import contextlib
 import os
@@ -16,18 +16,18 @@ from plugin.warning import collision, departure
 from sumo_net.traffic import Traffic
 
 PICTURE, PAGE = "camera.png", "camera.html"
-PARAMETER = "adas.warning"  # of a vehicle, what stands beside it
+PARAMETER = "adas.warning"  # vehicle parameter, shown beside it
 VIEW_SETTINGS = Path(__file__).with_name("window.xml")
 PAGE_SOURCE = Path(__file__).with_name("window.html")
 
 _VIEW = "View #0"
 _ZOOM_HEIGHT_M = 60.0
 _PICTURE_EVERY = 2  # steps
-_HIGHLIGHT_EVERY, _HIGHLIGHT_S = 10, 1.5  # a ring fades away after that, and is drawn anew while it is needed
+_HIGHLIGHT_EVERY, _HIGHLIGHT_S = 10, 1.5  # a ring fades after that, and is redrawn while needed
 
 
 class State(NamedTuple):
-    """What a colour means."""
+    """A vehicle's state: colour and label."""
 
     red: int
     green: int
@@ -35,7 +35,7 @@ class State(NamedTuple):
     label: str  # beside the vehicle, '' for none
 
 
-# later ones win; the palette of Okabe and Ito, which colour-blind people tell apart
+# later ones have priority; palette of Okabe and Ito, for colour-blind readers
 INACTIVE = State(90, 120, 150, "")
 READY = State(86, 180, 233, "")
 NOT_SEEN = State(204, 121, 167, "lane not seen")
@@ -59,25 +59,25 @@ _FROM_COLLISION = np.array([_BY_COLLISION.get(name, 0) for name in collision.COD
 
 
 def states(departure_code: Any, collision_code: Any) -> Any:
-    """(n,) index into STATES of n vehicles with these codes; what is more urgent wins."""
+    """(n,) index into STATES of n vehicles with these codes; the more urgent has priority."""
     return np.maximum(_FROM_DEPARTURE[departure_code], _FROM_COLLISION[collision_code])
 
 
 class FleetWindow:
-    """Keeps the window up to date; call `step` after that of the assistance."""
+    """Updates the window; call `step` after that of the assistance."""
 
     def __init__(self, traffic: Traffic, adas: DriverAssistance, directory: Path) -> None:
-        """`directory`: where the camera's picture goes, and a page that shows it afresh."""
+        """`directory`: for the camera image, and a page that reloads it."""
         self._traffic, self._adas, self._directory = traffic, adas, directory
         self._gui = traffic.window
-        self._shown: dict[int, int] = {}  # state by handle, as the window has it
-        self._mine = -1  # handle of the vehicle that the view was set to follow from here
+        self._shown: dict[int, int] = {}  # state by handle, as shown in the window
+        self._mine = -1  # handle of the vehicle that this object set the view to follow
         self._steps = 0
         directory.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(PAGE_SOURCE, directory / PAGE)
 
     def step(self) -> None:
-        """Colour, label and follow; now and then a picture."""
+        """Colour, label and follow vehicles; every few steps write the camera image."""
         latest = self._adas.latest
         if latest is None:
             return
@@ -110,7 +110,7 @@ class FleetWindow:
             )
 
     def _selected(self, handles: list[int], now: list[int]) -> int:
-        """Handle of the equipped vehicle that the view follows; where it follows none, one is chosen."""
+        """Handle of the equipped vehicle that the view follows; if it follows none, one is chosen."""
         if self._gui is None:
             return handles[0]
         try:
@@ -122,10 +122,10 @@ class FleetWindow:
                 handle = self._traffic.handle(tracked)
                 if handle in self._shown and handle in handles:
                     return handle
-            return -1  # the user follows a vehicle without the device
-        if self._mine in handles:  # it was let go by the user
+            return -1  # the user follows a vehicle that is not equipped
+        if self._mine in handles:  # the user stopped following it
             return self._mine
-        # one that is being warned, else one that came lately and so has some way to go
+        # the most urgent state first, then the newest vehicle, which has the longest way to go
         self._mine = max(zip(now, handles, strict=True))[1]
         with contextlib.suppress(*self._traffic.gone):
             self._gui.trackVehicle(_VIEW, self._traffic.vehicle_id(self._mine))
@@ -145,4 +145,4 @@ class FleetWindow:
         _, png = cv2.imencode(".png", DrivePictures(drive).of(0), (cv2.IMWRITE_PNG_COMPRESSION, 1))
         part = self._directory / f".{PICTURE}.part"
         part.write_bytes(png.tobytes())
-        os.replace(part, self._directory / PICTURE)  # whoever reads it never reads half of one
+        os.replace(part, self._directory / PICTURE)  # so that readers never see an incomplete file
