@@ -33,11 +33,11 @@ TIMES = {
     "conflict_lead_time": "from warning to conflict in s",
     "conflict_min_ttc": "least true time to collision in s",
 }
-GREATEST_CELLS = 24  # more rows are not legible
+GREATEST_CELLS = 24  # more rows would not be legible
 
 
 def cell_names(table: pd.DataFrame) -> "pd.Series[str]":
-    """What tells the cells apart: the grid's columns are those that say nothing of all cells together."""
+    """Names that distinguish the cells: the grid columns are those that are empty in the row of all cells."""
     whole = table["cell"].astype(str) == "all"
     grid = [
         c for c in table.columns if table.loc[whole, c].isna().all() and table.loc[~whole, c].notna().all()
@@ -60,7 +60,7 @@ def rates(table: pd.DataFrame) -> Figure:
     """Events per 100 km by cell with exact Poisson intervals, from rates.csv."""
     if table.empty or "figure" not in table.columns:
         figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "no run has been finished")
+        nothing(axes, "no run has finished")
         return figure
     return _intervals(
         table.assign(
@@ -76,7 +76,7 @@ def shares(table: pd.DataFrame) -> Figure:
     """Departures and conflicts warned, lanes recognised, by cell with Wilson's intervals, from shares.csv."""
     if table.empty or "share" not in table.columns:
         figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "nothing has been counted of which there is a share")
+        nothing(axes, "nothing was counted that has a share")
         return figure
     scaled = table.assign(value=100 * table["share"], low=100 * table["low"], high=100 * table["high"])
     return _intervals(scaled, SHARES, "%")
@@ -210,7 +210,7 @@ def _name_thresholds(axes: Axes, x: Array, y: Array, table: pd.DataFrame) -> Non
 
 @styled
 def benefit(table: pd.DataFrame) -> Figure:
-    """What drivers who heed the warnings avoid, a run, with the bootstrap's interval, from benefit.csv."""
+    """Events per run that reacting drivers avoid, with bootstrap intervals, from benefit.csv."""
     if table.empty or "avoided_per_run" not in table.columns:
         figure, axes = sheet(1, 1, 2.0)
         nothing(axes, "no pair of cells with reaction.on false and true")

@@ -1,4 +1,4 @@
-"""All figures by name: what `sumo-adas plot DIR NAME` draws, and from which files of a directory."""
+"""All figures of `sumo-adas plot DIR NAME` by name, and the files that they are drawn from."""
 
 import tempfile
 from collections.abc import Callable
@@ -17,7 +17,7 @@ FORMATS = ("png", "svg", "pdf")
 
 
 class Plot(NamedTuple):
-    """A figure that can be asked for by name."""
+    """A figure that can be requested by name."""
 
     source: str  # run, campaign, recording, published
     title: str
@@ -33,7 +33,7 @@ def _of_csv(draw: Callable[[pd.DataFrame], Figure], name: str) -> Callable[[Path
 
 
 def _published(experiment: str) -> Callable[[Path, str | None], Figure]:
-    """From what `sumo-adas reproduce` wrote into the directory, else from the experiment itself."""
+    """From the files of `sumo-adas reproduce` in the directory, else by running the experiment."""
 
     def drawn(directory: Path, vehicle: str | None) -> Figure:
         files, draw = published.FIGURES[experiment]
@@ -85,7 +85,7 @@ PLOTS: dict[str, Plot] = {
     ),
     "situations": Plot(
         "run",
-        "prediction error by what the driver does and how the road runs",
+        "prediction error by driver action and road curvature",
         _of_run(lambda t: run.prediction_by_category(t["predictions"], t["steps"])),
     ),
     "recognition": Plot(
@@ -107,7 +107,7 @@ PLOTS: dict[str, Plot] = {
     "ttc-distribution": Plot("campaign", "true times to collision by cell", _times("true_ttc")),
     "lead-times": Plot("campaign", "lead of lane-departure warnings by cell", _times("ldw_lead_time")),
     "roc": Plot("campaign", "hits against unwanted warnings over the threshold (after sweep)", _roc),
-    "benefit": Plot("campaign", "what heeded warnings avoid", _of_csv(campaign.benefit, "benefit.csv")),
+    "benefit": Plot("campaign", "events that drivers avoid", _of_csv(campaign.benefit, "benefit.csv")),
     "predictions": Plot(
         "campaign", "prediction error by horizon", _of_csv(campaign.prediction, "predictions.csv")
     ),
@@ -129,7 +129,7 @@ PLOTS: dict[str, Plot] = {
         _published("recognition"),
     ),
     "search-times": Plot(
-        "published", "Z11 table 4: time of the genetic search a frame", _published("search-times")
+        "published", "Z11 table 4: time of the genetic search per frame", _published("search-times")
     ),
     "correction": Plot(
         "published",
@@ -150,9 +150,9 @@ PLOTS: dict[str, Plot] = {
 
 
 def draw(directory: Path, name: str, vehicle: str | None = None) -> Figure:
-    """The figure `name` of what lies in `directory`; published ones are computed where it holds none.
+    """The figure `name` from the files in `directory`; published ones are computed if it has none.
 
-    Raises ReportError for an unknown name, or a directory without what the figure needs, ValueError for an
+    Raises ReportError for an unknown name, or a directory without the files needed, ValueError for an
     unknown vehicle.
     """
     if name not in PLOTS:
@@ -165,7 +165,7 @@ def draw(directory: Path, name: str, vehicle: str | None = None) -> Figure:
 
 
 def write(figure: Figure, out: Path) -> Path:
-    """Write a figure as what the suffix says. Raises ReportError for another one, or where that fails."""
+    """Write a figure in the format of the suffix. Raises ReportError for an unknown one, or if it fails."""
     suffix = out.suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
         raise ReportError(
@@ -182,7 +182,7 @@ def write(figure: Figure, out: Path) -> Path:
 def _run(directory: Path) -> RunTables:
     kind = kind_of(directory)
     if kind != "run":
-        raise ReportError(f"{directory}: holds a {kind}, and the figure is of a run's tables")
+        raise ReportError(f"{directory}: holds a {kind}, but the figure needs the tables of a run")
     return read_run(directory)
 
 

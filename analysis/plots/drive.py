@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from analysis.plots.style import BLACK, BLUE, GREY, ORANGE, PURPLE, SKY, VERMILLION, nothing, sheet, styled
 
-STEP_GAP_S = 0.15  # rows further apart do not follow one another
-JUMP_M = 1.0  # a larger change of the offset in a step is a change of the lane it refers to
+STEP_GAP_S = 0.15  # rows further apart are not consecutive
+JUMP_M = 1.0  # a larger change of the offset in a step means that its reference lane changed
 EPISODES = {
     "distraction": ("distraction", ORANGE, "//"),
     "microsleep": ("microsleep", PURPLE, "xx"),
@@ -21,7 +21,7 @@ EPISODES = {
 
 
 def with_gaps(steps: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """One vehicle's rows, with an empty one where rows are missing or the lane changes: lines break there."""
+    """One vehicle's rows, with an empty row where rows are missing or the lane changes, to break lines."""
     rows = steps[["time_s", *columns]].astype("float64").sort_values("time_s")
     broken = rows["time_s"].diff() > STEP_GAP_S
     for column in {"true_lateral_offset_m", "lateral_offset_m"} & set(columns):
@@ -31,7 +31,7 @@ def with_gaps(steps: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def at_event(steps: pd.DataFrame, events: pd.DataFrame, when: str) -> pd.DataFrame:
-    """`events` with their vehicle's x and y at the step nearest to `when`, where there is one within 1 s."""
+    """`events` with their vehicle's x and y at the step nearest to `when`, if within 1 s."""
     if events.empty or steps.empty:
         return events.assign(true_x_m=np.nan, true_y_m=np.nan).iloc[:0]
     at = steps[["time_s", "run_id", "vehicle_id", "true_x_m", "true_y_m"]].dropna()
@@ -42,7 +42,7 @@ def at_event(steps: pd.DataFrame, events: pd.DataFrame, when: str) -> pd.DataFra
         right_on="time_s",
         by=["run_id", "vehicle_id"],
         direction="nearest",
-        tolerance=1.0,  # type: ignore[arg-type]  # of the key's own unit, seconds
+        tolerance=1.0,  # type: ignore[arg-type]  # s, the unit of the key
     )
     return merged.dropna(subset=["true_x_m"])
 
@@ -54,7 +54,7 @@ def road_map(
     warnings: pd.DataFrame,
     outline: Sequence[Any] = (),
 ) -> Figure:
-    """Paths of the equipped vehicles, departures and warnings. `outline`: (N, 2) arrays, as of lanes."""
+    """Paths of the equipped vehicles, departures and warnings. `outline`: (N, 2) arrays, such as lanes."""
     known = steps[steps["true_x_m"].notna() & steps["true_y_m"].notna()]
     long = not known.empty and _spread(known) > 3.0
     figure, axes = sheet(1, 1, 2.9 if long else 4.6, width_in=7.0 if long else 5.0)
@@ -97,7 +97,7 @@ def timeline(
 ) -> Figure:
     """One vehicle over time: offset between the borders, times to crossing and collision, warnings, episodes.
 
-    `vehicle_id`: by default the one with the most events. Raises ValueError for one that is not there.
+    `vehicle_id`: by default the one with the most events. Raises ValueError for an unknown one.
     """
     vehicle_id = vehicle_id or busiest(steps, departures, warnings)
     rows = steps[steps["vehicle_id"] == vehicle_id].sort_values("time_s")
@@ -128,13 +128,13 @@ def timeline(
 
 
 def _spread(steps: pd.DataFrame) -> float:
-    """How many times longer than wide the places are, or wider than long."""
+    """Aspect ratio, at least 1, of the area that the positions cover."""
     x, y = (float(np.ptp(steps[name])) + 1.0 for name in ("true_x_m", "true_y_m"))
     return max(x / y, y / x)
 
 
 def busiest(steps: pd.DataFrame, departures: pd.DataFrame, warnings: pd.DataFrame) -> str:
-    """The vehicle with the most departures and warnings (of those, with the longest drive); '' for none."""
+    """The vehicle with most departures and warnings, among equals the longest drive; '' for none."""
     if steps.empty:
         return ""
     meant = departures.loc[departures["cause"] != "lane_change_signalled", "vehicle_id"]
@@ -147,7 +147,7 @@ def busiest(steps: pd.DataFrame, departures: pd.DataFrame, warnings: pd.DataFram
 
 
 def episodes(rows: pd.DataFrame) -> list[tuple[str, float, float]]:
-    """(cause, from, to) of what the driver does beside keeping the lane; rows of one vehicle by time."""
+    """(cause, from, to) of the driver's actions other than lane keeping; rows of one vehicle by time."""
     cause = rows["true_cause"].fillna("")
     new = (cause != cause.shift()) | (rows["time_s"].diff() > STEP_GAP_S)
     spells = rows.assign(cause=cause).groupby(new.cumsum())

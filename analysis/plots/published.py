@@ -10,7 +10,7 @@ from matplotlib.ticker import NullFormatter
 
 from analysis.plots.style import BLACK, GREY, ORANGE, SERIES, SKY, VERMILLION, sheet, styled
 
-LANE_M = 3.75  # of the road that the road runs drive on
+LANE_M = 3.75  # lane width of the road runs
 _STEADY_CASES = {
     "known": "R known",
     "too_small": "told R/25",
@@ -70,7 +70,7 @@ def observer(curve: pd.DataFrame) -> Figure:
 
 @styled
 def road(steps: pd.DataFrame, paths: pd.DataFrame) -> Figure:
-    """Borders, true and observed place, and the path 2 s ahead, of the road runs (Z11 figures 17 to 19)."""
+    """Borders, true and observed position, path 2 s ahead, of the road runs (Z11 figures 17 to 19)."""
     runs = list(steps["run"].unique())
     figure, grid = sheet(2, len(runs), 5.4, width_in=9.6, squeeze=False)
     for column, run in enumerate(runs):
@@ -97,7 +97,7 @@ def road(steps: pd.DataFrame, paths: pd.DataFrame) -> Figure:
 
 @styled
 def imm(curve: pd.DataFrame) -> Figure:
-    """RMSE over the runs at every scan: constant velocity, constant acceleration, and the IMM of both."""
+    """RMSE over the runs at every scan of constant velocity, constant acceleration, and the IMM of both."""
     figure, all_axes = sheet(4, 1, 7.2, width_in=6.0, sharex=True)
     rows = (
         ("range_m", "RMSE of\nrange in m"),
@@ -130,7 +130,7 @@ def imm(curve: pd.DataFrame) -> Figure:
 
 @styled
 def adaptive(curve: pd.DataFrame) -> Figure:
-    """RMSE of the speed over ground, and the R found over the true one, by what the filters were told."""
+    """RMSE of the speed over ground, and estimated over true R, by the initial R given to the filters."""
     figure, grid = sheet(2, len(_STEADY_CASES), 4.8, width_in=9.6, sharex=True, sharey="row")
     for column, (case, title) in enumerate(_STEADY_CASES.items()):
         for (name, label), (colour, dashes, _) in zip(_FILTERS.items(), SERIES, strict=False):
@@ -152,7 +152,7 @@ def adaptive(curve: pd.DataFrame) -> Figure:
 
 @styled
 def recognition(rate: pd.DataFrame) -> Figure:
-    """Share of frames with the lane found, beside the source's (Z11 conclusion 1)."""
+    """Share of frames with the lane found, and the source's values (Z11 conclusion 1)."""
     groups = list(dict.fromkeys(zip(rate["scenario"], rate["condition"], strict=True)))
     named = rate.set_index(["chain", "scenario", "condition"])["recognised_percent"]
     figure, axes = sheet(1, 1, 3.4)
@@ -171,7 +171,7 @@ def recognition(rate: pd.DataFrame) -> Figure:
 
 @styled
 def search_times(measured: pd.DataFrame) -> Figure:
-    """Time of the genetic search a frame, both borders, beside the source's (Z11 table 4)."""
+    """Time of the genetic search per frame, both borders, and the source's values (Z11 table 4)."""
     of_class = measured.groupby("class", sort=False)[["published_ms", "ms"]].median()
     figure, axes = sheet(1, 1, 3.2)
     for shift, column, label, colour in (
@@ -183,14 +183,14 @@ def search_times(measured: pd.DataFrame) -> Figure:
         )
         axes.bar_label(bars, fmt="%.3g")
     axes.set_xticks(range(len(of_class)), list(of_class.index))
-    axes.set(yscale="log", ylabel="ms a frame, both borders", ylim=(None, 600))
+    axes.set(yscale="log", ylabel="ms per frame, both borders", ylim=(None, 600))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.legend()
     return figure
 
 
 def _shared_legend(figure: Figure, all_axes: Iterable[Axes]) -> None:
-    """One legend below for what any of the axes shows."""
+    """One legend below for all axes."""
     found: dict[str, Any] = {}
     for axes in all_axes:
         handles, labels = axes.get_legend_handles_labels()
@@ -201,7 +201,7 @@ def _shared_legend(figure: Figure, all_axes: Iterable[Axes]) -> None:
 class Published(NamedTuple):
     """The figure of an experiment."""
 
-    files: tuple[str, ...]  # of those the experiment writes, in the order of draw's arguments
+    files: tuple[str, ...]  # written by the experiment, in the order of draw's arguments
     draw: Callable[..., Figure]
 
 

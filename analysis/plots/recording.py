@@ -1,4 +1,4 @@
-"""Figures of recorded drives: what `detect` wrote (lanes.csv), what `track` wrote (tracks.csv)."""
+"""Figures of recorded drives, from lanes.csv of `detect` and tracks.csv of `track`."""
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -19,10 +19,10 @@ MOST_POINTS = 6000
 
 @styled
 def lanes(table: pd.DataFrame) -> Figure:
-    """Offset, heading, curvature, width and score of the lane found in footage, over time."""
+    """Offset, heading, curvature, width and score of the lane detected in footage, over time."""
     if table.empty or "lane_locked" not in table.columns:
         figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "no frame was looked at")
+        nothing(axes, "no frame was processed")
         return figure
     figure, all_axes = sheet(5, 1, 7.0, width_in=7.0, sharex=True)
     shown = (
@@ -50,11 +50,11 @@ def lanes(table: pd.DataFrame) -> Figure:
 
 @styled
 def tracks(table: pd.DataFrame) -> Figure:
-    """Range, range rate and azimuth of radar tracks over time, by motion class; in path ringed."""
+    """Range, range rate and azimuth of radar tracks over time, by motion class; tracks in path are ringed."""
     needed = {"time_s", "track_id", "range_m", "range_rate_mps", "azimuth_rad", "motion_state"}
     if table.empty or not needed <= set(table.columns):
         figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "no track, or a table of another version")
+        nothing(axes, "no tracks, or a table of another version")
         return figure
     figure, all_axes = sheet(3, 1, 7.0, width_in=7.0, sharex=True)
     step = max(len(table) // MOST_POINTS, 1)

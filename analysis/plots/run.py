@@ -28,14 +28,14 @@ OUTCOMES = {"true": (BLUE, ""), "nuisance": ("#F0E442", "//"), "false": (VERMILL
 
 
 def words(name: str) -> str:
-    """A table's word as people write it."""
+    """A table's word in plain spelling."""
     return name.replace("_", " ")
 
 
 def add_errors(
     left: Axes, right: Axes, label: str, horizon_s: pd.Series, median_m: pd.Series, p95_m: pd.Series
 ) -> None:
-    """One predictor's |lateral error| over the horizon, (H,) each: median on the left, p95 on the right."""
+    """Draw one predictor's |lateral error| by horizon, (H,) each: median on the left, p95 on the right."""
     colour, dashes, marker = SERIES[len(left.lines)]
     for axes, error_m in ((left, median_m), (right, p95_m)):
         axes.plot(
@@ -50,7 +50,7 @@ def add_errors(
 
 
 def finish_errors(figure: Figure, left: Axes, right: Axes) -> None:
-    """Titles, axes and legend of a figure that `add_errors` has filled."""
+    """Add titles, axes and legend to a figure of `add_errors`."""
     left.set(title="median", ylabel="lateral error in cm")
     right.set(title="95th percentile")
     for axes in (left, right):
@@ -75,7 +75,7 @@ def prediction_error(predictions: pd.DataFrame) -> Figure:
 
 @styled
 def prediction_by_category(predictions: pd.DataFrame, steps: pd.DataFrame) -> Figure:
-    """Median |lateral error| 1 s and 2 s ahead by what the driver does and how the road runs."""
+    """Median |lateral error| 1 s and 2 s ahead, by driver action and road curvature."""
     figure, both = sheet(2, 1, 4.2, sharex=True)
     if predictions.empty or steps.empty:
         both[1].set_axis_off()
@@ -111,7 +111,7 @@ def recognition(steps: pd.DataFrame) -> Figure:
     figure, axes = sheet(1, 1, 2.8)
     judged = steps[steps["on_marked_road"].fillna(False) & steps["recognised"].notna()]
     if judged.empty:
-        nothing(axes, "no frame was judged: no marked road, or nobody drove")
+        nothing(axes, "no frame was scored: no marked road, or no equipped vehicle")
         return figure
     of = category(judged)
     names = [name for name in CATEGORIES if (of == name).any()]
@@ -143,7 +143,7 @@ def recognition(steps: pd.DataFrame) -> Figure:
 
 @styled
 def tlc_error(steps: pd.DataFrame, below_s: float = 1.0) -> Figure:
-    """Share of steps whose |TLC error| is at most x, where the true TLC is under `below_s`."""
+    """Share of steps with a |TLC error| of at most x, where the true TLC is under `below_s`."""
     figure, axes = sheet(1, 1, 3.4)
     truth = steps["true_tlc_s"]
     near = steps[(truth > 0.0) & (truth <= below_s) & steps["on_marked_road"].fillna(False)]
@@ -152,7 +152,7 @@ def tlc_error(steps: pd.DataFrame, below_s: float = 1.0) -> Figure:
         return figure
     for (column, label), (colour, dashes, _) in zip(_TLC.items(), SERIES, strict=False):
         error = np.sort((near[column] - near["true_tlc_s"]).abs().dropna().to_numpy())
-        # what was not foreseen at all has no error of any size: the curve ends below 100 %
+        # crossings that were not predicted have no finite error: the curve ends below 100 %
         share = 100.0 * np.arange(1, len(error) + 1) / len(near)
         axes.step(error, share, where="post", color=colour, linestyle=dashes, label=label)
     axes.set(
@@ -167,7 +167,7 @@ def tlc_error(steps: pd.DataFrame, below_s: float = 1.0) -> Figure:
 
 @styled
 def ttc_error(steps: pd.DataFrame, below_s: float = 2 * NEAR_TTC_S) -> Figure:
-    """Estimated against true time to collision, where that is under `below_s` and the leader in view."""
+    """Estimated against true time to collision, where that is under `below_s` and the leader is in view."""
     figure, axes = sheet(1, 1, 3.4)
     near = steps[(steps["true_ttc_s"] < below_s) & steps["true_leader_visible"].fillna(False)]
     if near.empty:
@@ -235,12 +235,12 @@ def warning_outcomes(warnings: pd.DataFrame) -> Figure:
 
 @styled
 def motion_classes(tracks: pd.DataFrame) -> Figure:
-    """What radar tracks of each true motion class were taken for, after the third cycle."""
+    """Estimated by true motion class of radar tracks, after the third cycle."""
     figure, axes = sheet(1, 1, 3.6)
     cycle = tracks.groupby(["run_id", "vehicle_id", "track_id"], observed=True, sort=False).cumcount()
     judged = tracks[(cycle >= SETTLED_CYCLES) & tracks["true_motion_state"].notna()]
     if judged.empty:
-        nothing(axes, "no track lived long enough to be judged")
+        nothing(axes, "no track lasted long enough to be scored")
         return figure
     counts = pd.crosstab(judged["true_motion_state"], judged["motion_state"])
     counts = counts.reindex(index=NAMES, columns=NAMES, fill_value=0)
@@ -274,7 +274,7 @@ def _confusion(figure: Figure, axes: Axes, counts: pd.DataFrame) -> Figure:
 
 
 def _percent(share: float) -> str:
-    """Never rounded up to 100."""
+    """In %, never rounded up to 100."""
     return "100" if share == 1.0 else f"{min(100.0 * share, 99.99):.2f}" if share else "0"
 
 

@@ -1,6 +1,6 @@
-"""What all figures share: colours that colour-blind readers can tell apart, sizes that a phone can show.
+"""Common style of all figures: colours for colour-blind readers, sizes that fit a phone.
 
-The colours are those of Okabe and Ito. No figure tells by colour alone: lines differ in dashes, points in
+The palette is that of Okabe and Ito. No figure relies on colour alone: lines also differ in dashes, points in
 markers, bars in hatches.
 """
 
@@ -23,7 +23,7 @@ SERIES = (
     (PURPLE, (0, (5, 1, 1, 1, 1, 1)), "v"),
     (BLACK, (0, (3, 1)), "x"),
 )
-WIDTH_IN = 5.0  # a card of the report: as wide as a phone
+WIDTH_IN = 5.0  # a card of the report, as wide as a phone
 _STYLE = {
     "axes.axisbelow": True,
     "axes.edgecolor": GREY,
@@ -45,7 +45,7 @@ _STYLE = {
     "savefig.dpi": 160,
     "svg.fonttype": "none",
     "svg.hashsalt": "sumo-adas",
-    "text.parse_math": False,  # a vehicle's id may hold a dollar sign
+    "text.parse_math": False,  # a vehicle's id may contain a dollar sign
     "xtick.color": BLACK,
     "ytick.color": BLACK,
     "xtick.labelsize": 9,
@@ -56,7 +56,7 @@ _Given = ParamSpec("_Given")
 
 
 def styled(draw: Callable[_Given, Figure]) -> Callable[_Given, Figure]:
-    """Draw in the style of the house, whatever the notebook around has set."""
+    """Draw in the project's style, whatever the surrounding notebook has set."""
 
     @functools.wraps(draw)
     def inside(*args: _Given.args, **kwargs: _Given.kwargs) -> Figure:
@@ -75,13 +75,13 @@ def sheet(
 
 
 def nothing(axes: Axes, why: str) -> None:
-    """Say in the empty axes why they are empty."""
+    """Write into empty axes why they are empty."""
     axes.set_axis_off()
     axes.text(0.5, 0.5, why, ha="center", va="center", color=GREY, wrap=True, transform=axes.transAxes)
 
 
 def below(axes: Axes, columns: int = 2, lift: float = -0.2) -> None:
-    """The legend under the axes, where it hides nothing."""
+    """Put the legend below the axes."""
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, lift), ncols=columns, handlelength=2.6)
 
 

@@ -1,1 +1,1 @@
-"""Test protocols of the industry: data in `standards`, one runner, the table a test house would write."""
+"""Standard test protocols: definitions in `standards`, one runner, and a test report."""

@@ -1,4 +1,4 @@
-"""What a protocol file may say. Every figure of a test is data; units are in the names."""
+"""Contents of a protocol file. Every value of a test is data; units are in the names."""
 
 import difflib
 from importlib import resources
@@ -15,40 +15,40 @@ SideName = Literal["left", "right"]
 
 @settings
 class Procedure:
-    """What the tests have in common."""
+    """Common fields of all tests."""
 
     name: str = Field(min_length=1, pattern=r"^[\w.-]+$", description="of the test, unique in the protocol")
     title: str = Field("", description="one line")
     clause: str = Field("", description="of the standard, where known")
     speed_kmh: float = Field(gt=0, le=200, description="of the vehicle under test")
-    speed_tolerance_kmh: float = Field(gt=0, description="a trial driven otherwise is invalid")
+    speed_tolerance_kmh: float = Field(gt=0, description="a trial that deviates more is invalid")
     radius_m: tuple[float, ...] = Field(
         (0.0,), min_length=1, description="of the road: positive left, negative right, 0 straight"
     )
-    trials: int = Field(ge=1, le=100, description="a cell: one radius, side, rate of drift")
+    trials: int = Field(ge=1, le=100, description="per cell: one radius, side, rate of drift")
     least_passed: int = Field(ge=1, description="of a cell's trials")
     settle_s: float = Field(4.0, ge=1, le=60, description="driven before the manoeuvre")
-    spacing_m: float = Field(150.0, ge=30, description="between the trials that drive at the same time")
-    settings: dict[str, Any] = Field(default_factory=dict, description="laid over the protocol's")
+    spacing_m: float = Field(150.0, ge=30, description="between trials driven at the same time")
+    settings: dict[str, Any] = Field(default_factory=dict, description="override those of the protocol")
 
 
 @settings
 class DepartureTest(Procedure):
-    """The vehicle drifts out of its lane: the alert must begin between two lines beside the border."""
+    """The vehicle drifts out of its lane: the alert must begin between two lines near the border."""
 
-    line: LineName = Field(description="what is crossed")
+    line: LineName = Field(description="the line crossed")
     sides: tuple[SideName, ...] = Field(("left", "right"), min_length=1)
     drift_mps: tuple[float, ...] = Field(min_length=1, description="rates of departure")
-    drift_tolerance_mps: float = Field(gt=0, description="a trial that drifts otherwise is invalid")
-    drift_tolerance_share: float = Field(0.0, ge=0, le=1, description="or so, of the rate, if that is more")
-    drift_window_s: float = Field(0.5, gt=0, description="before the alert, over which the rate is taken")
-    ramp_s: float = Field(1.0, gt=0, le=5, description="in which the drift grows to its rate")
+    drift_tolerance_mps: float = Field(gt=0, description="a trial that deviates more is invalid")
+    drift_tolerance_share: float = Field(0.0, ge=0, le=1, description="or this share of the rate, if more")
+    drift_window_s: float = Field(0.5, gt=0, description="before the alert, to average the rate")
+    ramp_s: float = Field(1.0, gt=0, le=5, description="until the drift reaches its rate")
     run_up_s: float = Field(0.5, ge=0, description="at the rate, before the earliest line")
     earliest_m: float = Field(description="tyre inside the border; no alert may begin before")
-    earliest_time_s: float = Field(0.0, ge=0, description="or, if that is more, this times the rate …")
-    earliest_most_m: float = Field(1.5, description="… but no more than this")
+    earliest_time_s: float = Field(0.0, ge=0, description="or this times the rate, if more …")
+    earliest_most_m: float = Field(1.5, description="… but at most this")
     latest_m: float = Field(description="tyre outside the border; the alert must have begun by then")
-    spread_most_m: float | None = Field(None, gt=0, description="between the alerts of a cell")
+    spread_most_m: float | None = Field(None, gt=0, description="largest spread of a cell's alerts")
 
     def earliest_at(self, drift_mps: float) -> float:
         """The earliest line for a rate of departure, m inside the border."""
@@ -67,25 +67,25 @@ class QuietTest(Procedure):
 
 @settings
 class CollisionTest(Procedure):
-    """The vehicle comes up to another one: the alert must come in time, or not at all."""
+    """The vehicle approaches another one: the alert must come in time, or not at all."""
 
     expect: Literal["alert", "none"] = Field("alert")
     leader_kmh: float = Field(ge=0, le=200)
     leader_lane: Literal["own", "left", "right"] = Field("own")
-    gap_m: float = Field(gt=1, le=300, description="bumper to bumper at the beginning")
-    gap_tolerance_m: float | None = Field(None, gt=0, description="when the leader begins to brake")
-    brake_mps2: float | None = Field(None, gt=0, le=10, description="the leader's, from settle_s on")
+    gap_m: float = Field(gt=1, le=300, description="bumper to bumper at the start")
+    gap_tolerance_m: float | None = Field(None, gt=0, description="of gap_m, when the leader brakes")
+    brake_mps2: float | None = Field(None, gt=0, le=10, description="of the leader, from settle_s on")
     brake_tolerance_share: float = Field(0.1, gt=0, le=1)
-    ttc_least_s: float | None = Field(None, gt=0, description="when the alert begins")
+    ttc_least_s: float | None = Field(None, gt=0, description="least TTC when the alert begins")
     ttc: Literal["constant", "accelerated"] = Field(
-        "constant", description="speeds stay as they are, or the leader's braking goes on"
+        "constant", description="TTC at constant speeds, or with the leader's braking continued"
     )
     latest_reaction_s: float | None = Field(
-        None, ge=0, description="the alert begins at v·T + v²/2a at the least, v the closing speed"
+        None, ge=0, description="T of the least gap v·T + v²/2a at the alert, v the closing speed"
     )
     latest_mps2: float | None = Field(None, gt=0, description="its a")
     detect_reaction_s: float | None = Field(
-        None, ge=0, description="the radar follows the leader from v·T + v²/2a on, at the least"
+        None, ge=0, description="T of the gap v·T + v²/2a from which the radar must follow the leader"
     )
     detect_mps2: float | None = Field(None, gt=0, description="its a")
 
@@ -102,11 +102,11 @@ class CollisionTest(Procedure):
         return self
 
     def latest_range_m(self, closing_mps: float) -> float | None:
-        """Least gap at the alert."""
+        """Least gap at the alert, None if not required."""
         return _stopping_m(closing_mps, self.latest_reaction_s, self.latest_mps2)
 
     def detection_range_m(self, closing_mps: float) -> float | None:
-        """Least gap from which the leader is followed."""
+        """Gap from which the leader must be followed, None if not required."""
         return _stopping_m(closing_mps, self.detect_reaction_s, self.detect_mps2)
 
 
@@ -122,12 +122,12 @@ class Protocol:
 
     title: str
     source: str = Field(description="standard and edition")
-    from_memory: bool = Field(description="the figures were written down without the text at hand")
-    notes: str = Field("", description="where it had to be read or changed")
+    from_memory: bool = Field(description="the values were written down without the text at hand")
+    notes: str = Field("", description="how it was interpreted or changed")
     overall_share: float = Field(
-        0.0, ge=0, le=1, description="of all trials that must pass, beside the cells"
+        0.0, ge=0, le=1, description="share of all trials that must pass, besides the cells"
     )
-    attempts: int = Field(3, ge=1, le=10, description="an invalid trial is driven anew so often")
+    attempts: int = Field(3, ge=1, le=10, description="attempts at a trial while it is invalid")
     settings: dict[str, Any] = Field(default_factory=dict, description="of all runs, as in a scenario file")
     departure: tuple[DepartureTest, ...] = Field(())
     quiet: tuple[QuietTest, ...] = Field(())

@@ -1,4 +1,4 @@
-"""One trial's verdict from the table `steps` of its vehicle: realised values, alert, bounds, margin."""
+"""A trial's verdict from the table `steps` of its vehicle: realised values, alert, bounds, margin."""
 
 import dataclasses
 import math
@@ -15,12 +15,12 @@ from plugin.warning.safe_distance import time_to_collision
 Array = np.ndarray[Any, Any]
 
 STEP_S = 0.1
-_BRAKE_WINDOW = slice(5, 20)  # steps after the leader's brake is on, over which its strength is taken
+_BRAKE_WINDOW = slice(5, 20)  # steps after the start of braking, over which it is averaged
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """A trial's row of the table. NaN where a column does not apply."""
+    """A trial's row of the table; NaN where a column does not apply."""
 
     test: str
     cell: str
@@ -33,13 +33,13 @@ class Verdict:
     radius_m: float = math.nan
     side: str = ""
     speed_mps: float = math.nan  # realised, mean
-    speed_off_mps: float = math.nan  # realised, largest difference to what is wanted
+    speed_off_mps: float = math.nan  # realised, largest deviation
     drift_wanted_mps: float = math.nan
     drift_mps: float = math.nan  # realised, outwards
     leader_speed_mps: float = math.nan  # realised, at the beginning of the manoeuvre
     leader_braking_mps2: float = math.nan  # realised
     gap_m: float = math.nan  # at the beginning of the manoeuvre
-    alert_s: float = math.nan  # since that
+    alert_s: float = math.nan  # since the beginning of the manoeuvre
     alert_kind: str = ""
     distance_to_line_m: float = math.nan  # tyre inside the border at the alert; negative outside
     earliest_m: float = math.nan
@@ -48,8 +48,8 @@ class Verdict:
     least_range_m: float = math.nan
     followed_from_m: float = math.nan  # gap from which the radar followed the leader
     least_followed_m: float = math.nan
-    ttc_s: float = math.nan  # at the alert, speeds as they are
-    ttc_accelerated_s: float = math.nan  # with the leader's braking going on
+    ttc_s: float = math.nan  # at the alert, at constant speeds
+    ttc_accelerated_s: float = math.nan  # with the leader's braking continued
     least_ttc_s: float = math.nan
     margin: float = math.nan  # to the nearest bound, negative beyond it
     margin_unit: str = ""
@@ -67,7 +67,7 @@ def judge(
     )
     begin = round(test.settle_s / STEP_S)
     if len(steps) <= begin:
-        return dataclasses.replace(blank, valid=False, why="the vehicle was not there to the end")
+        return dataclasses.replace(blank, valid=False, why="the vehicle left before the end")
     wanted = test.speed_kmh / 3.6
     speed = steps["speed_mps"].to_numpy(float)
     blank = dataclasses.replace(
@@ -115,7 +115,7 @@ def _departure(
     word = "warning left" if trial.side > 0 else "warning right"
     state = steps["ldw_state"].to_numpy(str)
     active = np.flatnonzero(np.char.startswith(state, "warning"))
-    # the end of the trial: the latest line, as long as the lane that truth speaks of is still the old one
+    # the trial ends at the latest line, where the truth must still refer to the old lane
     crossed = np.flatnonzero(margin[begin:] <= -test.latest_m)
     end = begin + int(crossed[0]) if len(crossed) else len(steps) - 1
     earliest = test.earliest_at(trial.drift_mps)
@@ -230,7 +230,7 @@ def _collision(test: CollisionTest, steps: pd.DataFrame, tracks: pd.DataFrame, b
 
 
 def _timely(verdict: Verdict, ttc_s: float) -> Verdict:
-    """Whether the alert came in time, and the leader was followed from far enough."""
+    """Check that the alert came in time and the leader was followed from far enough away."""
     late, far = ttc_s - verdict.least_ttc_s, verdict.range_m - verdict.least_range_m
     seen = verdict.followed_from_m - verdict.least_followed_m
     if late < 0.0:
@@ -247,7 +247,7 @@ def _timely(verdict: Verdict, ttc_s: float) -> Verdict:
 
 
 def _followed_from_m(steps: pd.DataFrame, tracks: pd.DataFrame, leader: str, alert: int) -> float:
-    """The gap from which on a track of the leader was there in every step up to the alert; NaN for none."""
+    """The gap from which the leader had a track in every step up to the alert; NaN for none."""
     there = set(tracks.loc[tracks["target_id"] == leader, "time_s"].round(1))
     first = None
     for k in range(alert, -1, -1):

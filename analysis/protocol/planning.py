@@ -1,4 +1,4 @@
-"""Trials of a protocol laid out on roads: many at a time, one behind the other, each on its own."""
+"""Placement of a protocol's trials on roads: many in one run, one behind the other, independent."""
 
 import itertools
 import math
@@ -11,14 +11,14 @@ from sumo_net.driver import CAR_WIDTH_M
 from sumo_net.scenario import laid_over
 
 LANE_M = 3.75
-CAR_M = 1.75  # the demand's car
+CAR_M = 1.75  # width of the demand's cars
 _ENTRY_M = 60.0
 _CLOTHOID_M = 100.0
-_MOST_OF_A_TURN = 0.85  # of a full circle: further on the road would meet itself
+_MOST_OF_A_TURN = 0.85  # of a full circle: beyond, the road would meet itself
 _TRIALS_A_RUN = 45
 _AFTER_S = 0.5
-_BEYOND_M = 0.15  # a departure goes on so far beyond the latest line
-_FREE_M = 0.3  # the start of a departure keeps so far from the other border
+_BEYOND_M = 0.15  # a departure continues this far beyond the latest line
+_FREE_M = 0.3  # distance to the other border at the start of a departure
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Trial:
     """One drive of one vehicle."""
 
     test: Procedure
-    cell: str  # of its protocol: the test, and what varies within it
+    cell: str  # name: the test, and what varies within it
     number: int
     attempt: int
     radius_m: float
@@ -35,17 +35,17 @@ class Trial:
 
     @property
     def vehicle_id(self) -> str:
-        """Of the vehicle under test; its draws depend on it."""
+        """Id of the vehicle under test; its random draws depend on it."""
         return f"{self.cell.replace(' ', '_')}_{self.number}_{self.attempt}"
 
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Trials that one run of SUMO drives."""
+    """Trials driven in one run of SUMO."""
 
     trials: tuple[Trial, ...]
-    changes: dict[str, Any]  # laid over the scenario `straight`
-    half_span_m: float  # to the outer edge of the front wheels
+    changes: dict[str, Any]  # to the scenario `straight`
+    half_span_m: float  # from the middle to the outer edge of a front wheel
 
 
 def trials_of(protocol: Protocol) -> list[Trial]:
@@ -67,31 +67,31 @@ def trials_of(protocol: Protocol) -> list[Trial]:
 
 
 def batches(protocol: Protocol, trials: Iterable[Trial]) -> list[Batch]:
-    """The trials by road, line and settings, as many at a time as the road holds."""
+    """The trials grouped by road, line and settings, as many at a time as fit on the road."""
     by_road: dict[tuple[float, str, str], list[Trial]] = {}
     for trial in trials:
         key = trial.radius_m, _line(trial.test), repr(trial.test.settings)
         by_road.setdefault(key, []).append(trial)
     made = []
     for together in by_road.values():
-        # long trials with long ones
+        # trials of similar duration together
         together.sort(key=lambda trial: -_duration_s(trial))
         made += [_batch(protocol, part) for part in _parts(together)]
     return made
 
 
 def free_m() -> float:
-    """Room between both tyres and both borders together."""
+    """Lane width minus the width over both tyres."""
     return LANE_M - 2.0 * half_span_m()
 
 
 def half_span_m(wheel_span_m: float = 1.5) -> float:
-    """Half the distance between the outer edges of the test car's wheels, as the driver model has it."""
+    """Half the distance between the outer edges of the test car's wheels, as in the driver model."""
     return 0.5 * wheel_span_m * CAR_M / CAR_WIDTH_M
 
 
 def start_gap_m(test: DepartureTest, drift_mps: float) -> float:
-    """Tyre to border when a departure begins: it has its rate `run_up_s` before the earliest line."""
+    """Tyre to border at the start of a departure: it has its rate `run_up_s` before the earliest line."""
     wanted = test.earliest_at(drift_mps) + drift_mps * (0.5 * test.ramp_s + test.run_up_s)
     return min(wanted, free_m() - _FREE_M)
 
@@ -101,7 +101,7 @@ def _line(test: Procedure) -> str:
 
 
 def _parts(trials: Sequence[Trial]) -> Iterator[Sequence[Trial]]:
-    """As many as fit on the road, and about as many in each part."""
+    """Parts of about equal size that fit on the road."""
     radius = trials[0].radius_m
     longest = max(_needs_m(trial) for trial in trials)
     pace = max(_pace_m(trial) for trial in trials)
@@ -133,7 +133,7 @@ def _manoeuvre_s(trial: Trial) -> float:
         if test.gap_m < way:
             return (math.sqrt(closing**2 + 2.0 * test.brake_mps2 * test.gap_m) - closing) / test.brake_mps2
         return stop + (test.gap_m - way) / _speed_mps(trial)
-    passed = 15.0 if test.expect == "none" else 0.0  # on beyond a vehicle beside
+    passed = 15.0 if test.expect == "none" else 0.0  # until past a vehicle in the next lane
     return (test.gap_m + passed) / closing - test.settle_s
 
 
@@ -146,13 +146,13 @@ def _duration_s(trial: Trial) -> float:
 
 
 def _needs_m(trial: Trial) -> float:
-    """Road from the start of a trial."""
+    """Length of road that a trial needs from its start."""
     ahead = trial.test.gap_m if isinstance(trial.test, CollisionTest) else 0.0
     return max(_duration_s(trial) * _speed_mps(trial), ahead) + 60.0
 
 
 def _pace_m(trial: Trial) -> float:
-    """From one trial's start to the next one's, on the same lane."""
+    """Distance between the starts of consecutive trials on the same lane."""
     test = trial.test
     return test.spacing_m + (test.gap_m if isinstance(test, CollisionTest) else 0.0)
 
@@ -168,7 +168,7 @@ def _batch(protocol: Protocol, trials: Sequence[Trial]) -> Batch:
         follower = {
             "id": trial.vehicle_id,
             "lane": lane,
-            "position_m": place + 0.37 * (k % 7),  # steps of 0.1 s fall on other places of each trial
+            "position_m": place + 0.37 * (k % 7),  # trials differ in where the steps of 0.1 s fall
             "speed_mps": _speed_mps(trial),
             "equipped": True,
         }
@@ -178,7 +178,7 @@ def _batch(protocol: Protocol, trials: Sequence[Trial]) -> Batch:
         if isinstance(trial.test, CollisionTest):
             _lead(trial, trial.test, follower, actors, script)
         place += _pace_m(trial)
-    # the foremost may drive on to the end of the longest trial
+    # the foremost must have road until the end of the longest trial
     fastest = max(_speed_mps(trial) for trial in trials)
     length = place + duration * fastest + 60.0
     changes: dict[str, Any] = {
@@ -199,7 +199,7 @@ def _batch(protocol: Protocol, trials: Sequence[Trial]) -> Batch:
 
 
 def _depart(trial: Trial, test: DepartureTest, actor: dict[str, Any], script: list[dict[str, Any]]) -> None:
-    rest = 0.5 * free_m() - start_gap_m(test, trial.drift_mps)  # from the middle, towards the side
+    rest = 0.5 * free_m() - start_gap_m(test, trial.drift_mps)  # from the lane centre towards the side
     actor["offset_m"] = trial.side * rest
     script.append(
         {
@@ -227,7 +227,7 @@ def _lead(
         {
             "id": leader,
             "lane": follower["lane"] + aside,
-            # SUMO's position is the front bumper's; the demand's cars are 4.2 m long
+            # SUMO's position is that of the front bumper; the demand's cars are 4.2 m long
             "position_m": follower["position_m"] + test.gap_m + 4.2,
             "speed_mps": test.leader_kmh / 3.6,
         }
@@ -247,7 +247,7 @@ def _lead(
 def _road(radius_m: float, length_m: float) -> list[dict[str, Any]]:
     if not radius_m:
         return [{"kind": "straight", "length_m": length_m}]
-    # the arc is the alignment's: the test's lane lies up to 8 m beside it, on the outer side of left bends
+    # the arc is that of the alignment: the test's lane is up to 8 m beside it, outside in left bends
     arc = length_m - _ENTRY_M - _CLOTHOID_M
     return [
         {"kind": "straight", "length_m": _ENTRY_M},

@@ -1,4 +1,4 @@
-"""What a test house would write: trial by trial as CSV, cells with their margins on the terminal."""
+"""Test report: all trials as CSV, cells with their margins on the terminal."""
 
 import dataclasses
 import math
@@ -15,17 +15,17 @@ _DECIMALS = 3
 
 
 def trial_table(outcome: Outcome) -> pd.DataFrame:
-    """A row an attempt."""
+    """One row per attempt."""
     return pd.DataFrame([dataclasses.asdict(verdict) for verdict in outcome.verdicts])
 
 
 def cell_table(outcome: Outcome) -> pd.DataFrame:
-    """A row a cell."""
+    """One row per cell."""
     return pd.DataFrame([dataclasses.asdict(cell) for cell in outcome.cells])
 
 
 def write(outcome: Outcome, name: str, out: Path) -> None:
-    """`NAME_trials.csv` and `NAME_cells.csv` in `out`."""
+    """Write `NAME_trials.csv` and `NAME_cells.csv` into `out`."""
     out.mkdir(parents=True, exist_ok=True)
     for table, kind in ((trial_table(outcome), "trials"), (cell_table(outcome), "cells")):
         table = table.replace([math.inf, -math.inf], math.nan).round(_DECIMALS)
@@ -33,7 +33,7 @@ def write(outcome: Outcome, name: str, out: Path) -> None:
 
 
 def show(outcome: Outcome, name: str, console: Console) -> None:
-    """The cells, the total, and what is behind the figures."""
+    """Print the cells, the total, and the source of the values."""
     protocol = outcome.protocol
     console.print(f"{name}: {protocol.title}")
     table = Table(box=None)
@@ -45,15 +45,15 @@ def show(outcome: Outcome, name: str, console: Console) -> None:
     console.print(table)
     repeated = sum(not verdict.valid for verdict in outcome.verdicts)
     needed = f", {protocol.overall_share:.1%} needed" if protocol.overall_share else ""
-    words = f", {repeated} invalid and driven anew" if repeated else ""
+    words = f", {repeated} invalid and repeated" if repeated else ""
     result = "PASSED" if outcome.passed else "FAILED"
     console.print(f"{name}: {result}: {outcome.share:.1%} of the trials passed{needed}{words}")
     if protocol.from_memory:
-        console.print(f"Figures from memory of: {protocol.source}")
+        console.print(f"Values from memory of: {protocol.source}")
 
 
 def comparison_row(name: str, mode: str, model: str, outcome: Outcome) -> dict[str, object]:
-    """One protocol under one configuration, in short."""
+    """Summary row of one protocol with one configuration."""
     least = least_margins(outcome.cells)
     return {
         "protocol": name,
@@ -73,7 +73,7 @@ def write_comparison(rows: Iterable[Mapping[str, object]], out: Path) -> None:
 
 
 def least_margins(cells: Iterable[Cell]) -> dict[str, float]:
-    """The least margin by its unit; −inf where there was no alert at all."""
+    """The least margin by its unit; −inf if an alert is missing."""
     least: dict[str, float] = {}
     for cell in cells:
         if cell.margin_unit and not math.isnan(cell.worst_margin):

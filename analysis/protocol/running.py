@@ -1,4 +1,4 @@
-"""Drives a protocol's trials in SUMO, several runs at a time, and repeats those that were not valid."""
+"""Drives a protocol's trials in SUMO, several runs at a time, and repeats invalid ones."""
 
 import contextlib
 import dataclasses
@@ -22,7 +22,7 @@ _BASE = "straight"
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What became of a cell's trials."""
+    """Result of a cell's trials."""
 
     name: str
     valid: int
@@ -31,7 +31,7 @@ class Cell:
     trials: int
     worst_margin: float
     margin_unit: str
-    spread_m: float  # between the alerts; NaN where the test has no bound on it
+    spread_m: float  # of the alerts; NaN if the test does not bound it
     spread_most_m: float
     ok: bool
     why: str
@@ -39,7 +39,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A protocol driven: every attempt, the cells, and whether all of it passed."""
+    """Result of a protocol: every attempt, the cells, and whether all passed."""
 
     protocol: Protocol
     verdicts: tuple[Verdict, ...]
@@ -50,7 +50,7 @@ class Outcome:
 
 @contextlib.contextmanager
 def worker_pool(workers: int) -> Iterator[Executor]:
-    """Processes that drive runs, one at a time each, and keep what they have compiled for the next run."""
+    """Processes that each drive one run at a time, and keep compiled kernels for the next."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context) as pool:
         try:
@@ -69,7 +69,7 @@ def drive(
     seed: int = 1,
     told: Callable[[int, int], None] = lambda done, all_: None,
 ) -> Outcome:
-    """Drive all trials; `changes` is laid over the protocol's settings, `told` hears of the runs done.
+    """Drive all trials; `changes` override the protocol's settings, `told` receives the number of runs done.
 
     Raises SettingsError or TrafficError.
     """
@@ -131,7 +131,7 @@ def _cell(name: str, rows: list[Verdict], trials: int, needed: int, spread_most:
 
 
 def _run(batch: Batch, out: Path, mode: str, seed: int) -> list[Verdict]:
-    """One run of SUMO and the verdicts on its trials; in a process of its own."""
+    """One run of SUMO and the verdicts on its trials, in a separate process."""
     from analysis.simulate import settings_of, simulate
     from plugin.record import read_table
 

@@ -1,1 +1,1 @@
-"""The protocols, a TOML file each: every figure of a test stands there."""
+"""The protocols, one TOML file each with all values of its tests."""
