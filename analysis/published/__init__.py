@@ -1,1 +1,1 @@
-"""The published experiments, run again: one module each, `reproduce(out, ...)` writes CSV and plot."""
+"""Reproductions of the published experiments: one module each, `reproduce(out, ...)` writes CSV and plot."""

@@ -1,8 +1,8 @@
-"""The adaptive filter of CN104635233A against its published recursion and against a fixed filter.
+"""The adaptive filter of CN104635233A compared with its published recursion and with a fixed filter.
 
 One object over ground, state (x, ẋ, ẍ, y, ẏ, ÿ), measured as z = (x, v_r, y) (eqs. 4 to 7 and 15), in four
-cases: measurement noise known, told 25 times too small, 25 times too large (variances), and growing ninefold
-half-way through the run. The patent gives no figures; those of SPEC section 3 are what this is checked with.
+cases: measurement noise known, given 25 times too small, 25 times too large (variances), and growing ninefold
+half-way through the run. The patent gives no figures; this is checked with those of SPEC section 3.
 """
 
 from pathlib import Path
@@ -48,11 +48,11 @@ class AdaptiveExperiment:
 
 
 class Course(NamedTuple):
-    """What one filter made of all runs."""
+    """Results of one filter over all runs."""
 
     x: Array  # (steps, runs, 6) estimates
     R: Array  # (steps, runs, 3) the diagonal of the R in use
-    indefinite: Array  # (runs,) some matrix lost definiteness at some time
+    indefinite: Array  # (runs,) a matrix lost definiteness at some time
     diverged: Array  # (runs,) not finite, or further than DIVERGED_M from the truth along x at some time
 
 
@@ -60,7 +60,7 @@ def simulate(experiment: AdaptiveExperiment, case: str) -> tuple[Array, Array, A
     """Truth (steps, runs, 6), measurements (steps, runs, 3), and the noise's true variance (steps, 3)."""
     steps = round(experiment.duration_s / experiment.step_s) + 1
     F, Q = (m[0, 0] for m in ground_model(experiment.motion).transition(np.array([experiment.step_s])))
-    # Each axis is driven by one jerk a step: Γ = the columns of Q over their own jerk's share.
+    # One jerk per step and axis, Q = Γ Γᵀ σ²: a column over the root of its diagonal entry is Γ σ.
     driven = np.stack([Q[:, 2] / np.sqrt(Q[2, 2]), Q[:, 5] / np.sqrt(Q[5, 5])])
     draws = np.stack(
         [
@@ -80,7 +80,7 @@ def simulate(experiment: AdaptiveExperiment, case: str) -> tuple[Array, Array, A
 
 
 def run(experiment: AdaptiveExperiment, name: str, truth: Array, z: Array, told: float) -> Course:
-    """Filter all runs with the filter `name`, told the measurement variances times `told`."""
+    """Filter all runs with the filter `name`, given the measurement variances times `told`."""
     steps, runs, _ = z.shape
     F, Q = (m[0, 0] for m in ground_model(experiment.motion).transition(np.array([experiment.step_s])))
     R = np.diag(np.square(experiment.noise)) * told
@@ -114,12 +114,12 @@ def run(experiment: AdaptiveExperiment, name: str, truth: Array, z: Array, told:
 
 
 def summary(experiment: AdaptiveExperiment, cases: tuple[str, ...] = tuple(TOLD)) -> pd.DataFrame:
-    """A row a case and filter: RMSE (of the runs that did not diverge), the R found, what went wrong."""
+    """One row per case and filter: RMSE (of runs that did not diverge), estimated R, failures."""
     return pd.DataFrame([row for case in cases for row in _rows(experiment, case)[0]])
 
 
 def compare(summary_table: pd.DataFrame) -> pd.DataFrame:
-    """What goes wrong beside the reference's 100 runs (another case of the same kind), and the R found.
+    """Failures compared with the reference's 100 runs (another case of the same kind), and the estimated R.
 
     The patent prints no number; it claims that the estimate follows unknown noise.
     """
@@ -140,7 +140,7 @@ def compare(summary_table: pd.DataFrame) -> pd.DataFrame:
 
 
 def reproduce(out: Path, experiment: AdaptiveExperiment | None = None) -> pd.DataFrame:
-    """Run all cases; write adaptive.csv, adaptive_curves.csv, adaptive.png and the comparison; give that."""
+    """Run all cases; write adaptive.csv, adaptive_curves.csv, adaptive.png; write and return the comparison."""
     experiment = experiment or AdaptiveExperiment()
     rows, curves = [], []
     for case in TOLD:
@@ -156,7 +156,7 @@ def _rows(experiment: AdaptiveExperiment, case: str) -> tuple[list[dict[str, Any
     truth, z, variance = simulate(experiment, case)
     rows, curves = [], []
     for name in FILTERS:
-        with np.errstate(all="ignore"):  # the published form runs off to infinity
+        with np.errstate(all="ignore"):  # the published form diverges
             course = run(experiment, name, truth, z, TOLD[case])
             good = ~course.diverged
             error = course.x[:, good] - truth[:, good]

@@ -1,8 +1,8 @@
-"""Published figures beside measured ones: the one table that every experiment ends in.
+"""Table of published and measured figures, the result of every experiment.
 
-`basis` says what stands under `published`: *printed* in the source; *checked*, recomputed by an independent
-reference because the source prints only curves or misprints the number; *claim*, a bound the source claims
-in words; empty where the source shows a figure without numbers, so that there is nothing to compare with.
+`basis` is the kind of the value `published`: *printed* in the source; *checked*, recomputed by an independent
+reference because the source prints only curves or misprints the number; *claim*, a bound that the source
+states in words; empty where the source has a figure without numbers, so that there is nothing to compare.
 """
 
 from collections.abc import Iterable, Mapping
@@ -37,7 +37,7 @@ def row(
 def claim(
     run: str, figure: str, unit: str, measured: float, bound: float, at_most: bool = True
 ) -> dict[str, Any]:
-    """One figure that the source bounds in words; `holds` is yes or no."""
+    """One figure for which the source states a bound in words; `holds` is yes or no."""
     holds = measured <= bound if at_most else measured >= bound
     return row(run, figure, unit, measured, bound, "claim") | {
         "figure": f"{figure} ({'at most' if at_most else 'at least'})",
@@ -51,9 +51,9 @@ def table(rows: Iterable[dict[str, Any]]) -> pd.DataFrame:
 
 
 def write(out: Path, name: str, tables: Mapping[str, pd.DataFrame], comparison: pd.DataFrame) -> pd.DataFrame:
-    """What an experiment leaves in `out`: its tables, its figure <name>.png and <name>_comparison.csv.
+    """Write an experiment's tables, its figure <name>.png and <name>_comparison.csv into `out`.
 
-    tables : by their files' names, among them those of the figure. The comparison goes on.
+    tables : by file name, including those of the figure. Returns the comparison.
     """
     from analysis.plots.published import FIGURES  # matplotlib is slow to import
     from analysis.plots.style import save
@@ -67,7 +67,7 @@ def write(out: Path, name: str, tables: Mapping[str, pd.DataFrame], comparison: 
 
 
 def text(comparison: pd.DataFrame) -> str:
-    """The table for a terminal; what is not known is left blank."""
+    """The table for a terminal; unknown values are blank."""
     shown = comparison.copy()
     for name in ("published", "measured", "difference"):
         shown[name] = [_number(value, name == "difference") for value in comparison[name]]
@@ -75,7 +75,7 @@ def text(comparison: pd.DataFrame) -> str:
 
 
 def markdown(comparison: pd.DataFrame) -> str:
-    """The table for a page."""
+    """The table in Markdown."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
     for entry in comparison.to_dict("records"):
         cells = [

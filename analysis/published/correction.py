@@ -1,8 +1,8 @@
-"""The steer's correction factor over speed (Zhang et al. 2011, section 2.2, eq. 13 and figure 13).
+"""The correction factor of the steer angle over speed (Zhang et al. 2011, section 2.2, eq. 13, figure 13).
 
-f = δ_D / δ_k is the steer a car with slip needs, over that of a car without, for the same radius. The source
-prints f = 1 + 0.000843 v² for half load. Two ways to it are compared: eq. 13 from the vehicle's numbers, and
-the steady turn of the two-degree-of-freedom model itself, which knows nothing of eq. 13.
+f = δ_D / δ_k is the steer angle that a car with slip needs, over that of a car without, for the same radius.
+The source prints f = 1 + 0.000843 v² for half load. Two derivations are compared: eq. 13 with the vehicle's
+parameters, and the steady turn of the two-degree-of-freedom model, which does not use eq. 13.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ _STEER_RAD = 0.01
 
 
 def curves() -> pd.DataFrame:
-    """f over speed, a row a load and km/h: by eq. 13, by the model's steady turn, and as printed."""
+    """f over speed, one row per load and km/h: by eq. 13, by the model's steady turn, and as printed."""
     tables = []
     for load, mass in MASSES_KG.items():
         vehicle = Vehicle(mass_kg=mass)
@@ -42,7 +42,7 @@ def curves() -> pd.DataFrame:
 
 
 def compare(curve: pd.DataFrame) -> pd.DataFrame:
-    """The printed coefficient, the printed curve at some speeds; the other loads are not printed."""
+    """The printed coefficient and curve at some speeds; other loads are not printed."""
     coefficient = float(steer_correction(Vehicle(), 1.0)) - 1.0
     rows = [
         comparison.row("half load", "coefficient of v²", "s²/m²", coefficient, PRINTED_PER_MPS2, "printed")
@@ -60,6 +60,6 @@ def compare(curve: pd.DataFrame) -> pd.DataFrame:
 
 
 def reproduce(out: Path) -> pd.DataFrame:
-    """Write correction_curves.csv, correction.png and the comparison into `out`; give the comparison."""
+    """Write correction_curves.csv, correction.png and the comparison into `out`; return the comparison."""
     curve = curves()
     return comparison.write(out, "correction", {"correction_curves.csv": curve}, compare(curve))

@@ -9,17 +9,17 @@ from analysis.published import comparison
 
 EXPERIMENTS = {
     "simulation": "Z11 4.1: observer against the simulated vehicle, three runs; steady turn and gains of 3.2",
-    "road": "Z11 4.2: three drives on a rendered road, place, motion and path 2 s ahead, both chains",
-    "recognition": "Z11 conclusion 1: lane recognised in good and in complex conditions, in traffic",
-    "search-times": "Z11 table 4: generations and time of the search a frame",
-    "correction": "Z11 eq. 13, figure 13: the steer's correction factor over speed",
+    "road": "Z11 4.2: three drives on a rendered road, position, motion and path 2 s ahead, both chains",
+    "recognition": "Z11 conclusion 1: lane recognition in good and complex conditions, in traffic",
+    "search-times": "Z11 table 4: generations and time of the search per frame",
+    "correction": "Z11 eq. 13, figure 13: correction factor of the steer angle over speed",
     "imm": "IMM source, section 4: CV, CA and IMM on 400 Monte-Carlo runs",
     "adaptive": "CN104635233A: the adaptive filter, as published and in its safe form",
 }
 
 
 def reproduce(name: str, out: Path) -> pd.DataFrame:
-    """Run one experiment; its CSV files and pictures go into `out`. Gives the comparison, see `comparison`.
+    """Run one experiment; its CSV files and pictures go into `out`. Returns the comparison, see `comparison`.
 
     Raises ValueError for a name that is not in EXPERIMENTS.
     """
@@ -31,7 +31,7 @@ def reproduce(name: str, out: Path) -> pd.DataFrame:
 
 
 def reproduce_all(out: Path, names: tuple[str, ...] = tuple(EXPERIMENTS)) -> pd.DataFrame:
-    """Run the named ones, each into a folder of its own below `out`; write and give the whole comparison."""
+    """Run the named experiments, each into its own folder in `out`; write and return the whole comparison."""
     tables = []
     for name in names:
         one = reproduce(name, out / name)

@@ -1,9 +1,9 @@
 """The Monte-Carlo experiment of the IMM source, section 4: 400 runs, CV and CA filters and the IMM of both.
 
-Truth is deterministic, as the source tells it: 100 m, −3 m/s, 2°, uniform for 10 s; from then on for 5 s
-a relative acceleration of −1.8 m/s² and an angular acceleration of 1 °/s². Scans at 0, 0.1, … 14.9 s; the
-filters start from the first one. A phase's RMSE is the mean over its scans of the RMSE over the runs; read so
-the reference figures of SPEC section 2 come out but for the chance of the draws.
+Truth is deterministic, as in the source: 100 m, −3 m/s, 2°, uniform motion for 10 s; then for 5 s a relative
+acceleration of −1.8 m/s² and an angular acceleration of 1 °/s². Scans at 0, 0.1, … 14.9 s; the filters start
+from the first one. A phase's RMSE is the mean over its scans of the RMSE over the runs; this reproduces the
+reference figures of SPEC section 2 except for random differences.
 """
 
 import math
@@ -38,7 +38,7 @@ REFERENCE = {  # SPEC section 2, checked
 
 @settings
 class ImmExperiment:
-    """The source's figures; what it leaves out is marked."""
+    """The source's values; those that it does not give are marked as inferred or ours."""
 
     runs: int = Field(400, ge=1)
     seed: int = Field(1)
@@ -102,7 +102,7 @@ def run(experiment: ImmExperiment, kinds: tuple[str, ...], z: Array) -> tuple[Ar
 
 
 def curves(experiment: ImmExperiment) -> pd.DataFrame:
-    """RMSE over the runs at every scan, and the IMM's mean probability of cv: a row a filter and scan."""
+    """RMSE over the runs at every scan, and the IMM's mean probability of cv: one row per filter and scan."""
     t, truth, z = simulate(experiment)
     tables = []
     for name, kinds in FILTERS.items():
@@ -116,7 +116,7 @@ def curves(experiment: ImmExperiment) -> pd.DataFrame:
 
 
 def phases(curve: pd.DataFrame) -> pd.DataFrame:
-    """A row a phase and filter: RMSE, its ratio to the better of cv and ca, and the SPEC's reference."""
+    """One row per phase and filter: RMSE, its ratio to the better of cv and ca, and the SPEC's reference."""
     rows = []
     for phase, (begin, end) in PHASES.items():
         inside = curve[(curve["time_s"] > begin - 1e-6) & (curve["time_s"] < end - 1e-6)]
@@ -133,7 +133,7 @@ def phases(curve: pd.DataFrame) -> pd.DataFrame:
 
 
 def compare(phase: pd.DataFrame) -> pd.DataFrame:
-    """RMSE beside the reference's (the source prints curves only); the IMM over the better of CV and CA."""
+    """RMSE and the reference's (the source prints only curves); the IMM over the better of CV and CA."""
     units = {"range_m": "m", "range_rate_mps": "m/s", "azimuth_deg": "°"}
     rows = []
     for one in phase.to_dict("records"):
@@ -152,7 +152,7 @@ def compare(phase: pd.DataFrame) -> pd.DataFrame:
 
 
 def reproduce(out: Path, experiment: ImmExperiment | None = None) -> pd.DataFrame:
-    """Write imm.csv (phases), imm_curves.csv, imm.png and the comparison into `out`; give the comparison."""
+    """Write imm.csv (phases), imm_curves.csv, imm.png and the comparison into `out`; return it."""
     curve = curves(experiment or ImmExperiment())
     phase = phases(curve)
     return comparison.write(out, "imm", {"imm.csv": phase, "imm_curves.csv": curve}, compare(phase))

@@ -1,7 +1,7 @@
-"""True drives: the single-track model on a road of given curvature, and what a camera would report of them.
+"""True drives of the single-track model on a road of given curvature, and a camera's estimates of them.
 
-Integrated by classical Runge-Kutta in the road's own coordinates, from the forces at the axles; nothing of it
-comes from `sumo_net.vehicle`'s matrices or kernels, so that it is an independent truth for the estimators.
+Integrated by classical Runge-Kutta in the road's coordinates, from the forces at the axles, without the
+matrices and kernels of `sumo_net.vehicle`, so that it is an independent truth for the estimators.
 """
 
 from collections.abc import Callable
@@ -45,7 +45,7 @@ def drive(
     fine_s: float = 0.01,
     each: int = 10,
 ) -> Drive:
-    """Integrate (v_y, γ, s, d, ψ) under steer(t, state, v); the rows are every `each` fine steps."""
+    """Integrate (v_y, γ, s, d, ψ) under steer(t, state, v); one row every `each` fine steps."""
     m, inertia = vehicle.mass_kg, vehicle.yaw_inertia_kgm2
     lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
     kf, kr = vehicle.front_stiffness_npr, vehicle.rear_stiffness_npr
@@ -94,8 +94,8 @@ def looks(
     curvature_rate_1pm2: float = 0.0,
     width_m: float = 3.75,
 ) -> list[LaneEstimate]:
-    """What a camera with white noise of these standard deviations would report, step by step, for `copies`
-    vehicles on the same drive. The preview point lies where lane and vehicle really are (second order).
+    """Lane estimates, step by step, of a camera with white noise of these standard deviations, for `copies`
+    vehicles on the same drive. The preview point is the true one (to second order).
     """
     rng = rng or np.random.default_rng(0)
     out = []
@@ -133,7 +133,7 @@ def looks(
 def lane_change_steer(
     vehicle: Vehicle, speed_mps: float, width_m: float = 3.75, start_s: float = 2.0, over_s: float = 5.0
 ) -> Steer:
-    """Open-loop steer of a sine lateral acceleration that moves the car one lane to the left."""
+    """Open-loop steer angle of a sinusoidal lateral acceleration that moves the car one lane to the left."""
     peak = 2 * np.pi * width_m / over_s**2
     per_g = (vehicle.wheelbase_m + vehicle.understeer * speed_mps**2) / speed_mps**2
 
@@ -147,8 +147,8 @@ def lane_change_steer(
 def world_path(fine: Drive) -> tuple[Array, Array, Array]:
     """(x, y, heading) of the centre of gravity in the world, starting at the origin along x, for each row.
 
-    Integrated by trapezoids over the rows: take a Drive with a row every 0.01 s. The start's heading is that
-    against the road.
+    Integrated by the trapezoidal rule over the rows: use a Drive with a row every 0.01 s. The initial heading
+    is that relative to the road.
     """
     heading = fine.heading_rad[0] + cumulative_trapezoid(fine.yaw_rate_rps, fine.time_s, initial=0)
     cos, sin = np.cos(heading), np.sin(heading)

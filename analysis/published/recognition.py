@@ -1,9 +1,9 @@
 """Recognition rates in good and in complex conditions (Zhang et al. 2011, conclusion 1): 100 % and over 90 %.
 
-The published search and the refined chain look at the same frames of the same drives, in traffic, on the
+The published search and the refined chain process the same frames of the same drives, in traffic, on the
 straight and on the curved built-in highway. *Recognised*: both borders of the ego lane within 5 px / cos θ on
-at least 85 % of the rows where the marking shows. The source does not say what it counted as right, nor
-how complex its conditions were; ours are the presets `clear` and `complex`.
+at least 85 % of the rows where the marking is visible. The source defines neither its criterion nor its
+complex conditions; ours are the presets `clear` and `complex`.
 """
 
 import concurrent.futures
@@ -26,7 +26,7 @@ CHAINS = {"paper": "paper_recognition_rate", "refined": "recognition_rate"}
 
 @settings
 class Recognition:
-    """The drives. The seeds are not those that anything was tuned on (those are below 100)."""
+    """The drives. The seeds are not those used for tuning (below 100)."""
 
     scenarios: tuple[str, ...] = Field(("straight", "highway"), min_length=1)
     first_seed: int = Field(400, ge=0)
@@ -37,9 +37,9 @@ class Recognition:
 
 
 def rates(experiment: Recognition, out: Path | None = None) -> pd.DataFrame:
-    """A row a scenario, condition and chain: share of frames recognised, frames judged, km driven.
+    """One row per scenario, condition and chain: share of frames recognised, frames scored, km driven.
 
-    Tables of the runs are kept below `out` where it is given.
+    Tables of the runs are kept in `out` if given.
     """
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
         keep = Path(work) if out is None else out
@@ -76,7 +76,7 @@ def rates(experiment: Recognition, out: Path | None = None) -> pd.DataFrame:
 
 
 def compare(rate: pd.DataFrame) -> pd.DataFrame:
-    """The rates beside the source's: 100 % as printed, over 90 % as a bound."""
+    """The rates and the source's: 100 % as printed, over 90 % as a bound."""
     rows = []
     for one in rate.to_dict("records"):
         condition, published = CONDITIONS[one["condition"]]
@@ -92,7 +92,7 @@ def compare(rate: pd.DataFrame) -> pd.DataFrame:
 
 
 def reproduce(out: Path, experiment: Recognition | None = None) -> pd.DataFrame:
-    """Write recognition.csv, recognition.png and the comparison into `out`; give the comparison."""
+    """Write recognition.csv, recognition.png and the comparison into `out`; return the comparison."""
     rate = rates(experiment or Recognition())
     return comparison.write(out, "recognition", {"recognition.csv": rate}, compare(rate))
 

@@ -1,12 +1,12 @@
 """The three road runs of Zhang et al. 2011, section 4.2, figures 17 to 19, on a road that is rendered here.
 
 Half load at 90 km/h; half load from 80 km/h at 0.2 m/s²; full load from 70 km/h at 0.18 m/s². The road is a
-straight that goes over into a bend of R 1000 m (the source's mean curvature, 0.001) and back; several cars
-drive it, each with a slight weave of its own. Every 0.1 s a frame is rendered from the true pose, and the
-published chain (search, bank, steer held) and the refined chain work on the same frames. Neither is told the
-load: f and the models are those of half load, as in the source. Scored are the observed place in the lane,
-v_y and γ, and the path predicted 2 s ahead against the one then driven. The source prints figures of 20
-samples (2 s) each and no numbers, and claims that full load is observed a little worse.
+straight that turns into a bend of R 1000 m (the source's mean curvature, 0.001) and back; several cars drive
+it, each with its own slight weave. Every 0.1 s a frame is rendered from the true pose, and the published
+chain (search, bank, steer held) and the refined chain process the same frames. Neither knows the load: f and
+the models are those of half load, as in the source. Scored are the observed position in the lane, v_y and γ,
+and the path predicted 2 s ahead against the one driven. The source prints figures of 20 samples (2 s) each
+without numbers, and claims that full load is observed a little worse.
 """
 
 from pathlib import Path
@@ -51,10 +51,10 @@ CHAINS = ("paper", "refined")
 
 
 class Measured(NamedTuple):
-    """What came of the runs."""
+    """Results of the runs."""
 
-    steps: pd.DataFrame  # a row a run, chain, car and 0.1 s
-    paths: pd.DataFrame  # the 2 s driven and predicted by car 0 from STILL_S on: a row a run, path and 0.1 s
+    steps: pd.DataFrame  # one row per run, chain, car and 0.1 s
+    paths: pd.DataFrame  # car 0's driven and predicted 2 s from STILL_S on: one row per run, path, 0.1 s
 
 
 class _Chain:
@@ -89,7 +89,7 @@ class _Chain:
 
 
 def measure(experiment: RoadRuns) -> Measured:
-    """True and observed place and motion, and errors of the path 2 s ahead.
+    """True and observed position and motion, and errors of the path 2 s ahead.
 
     `lateral_error_m` is across the vehicle's true direction 2 s later, as in the table `predictions`;
     `true_state_lateral_error_m` that of the same predictor from the true state (the run's own vehicle model).
@@ -209,7 +209,7 @@ def _rms(error: pd.Series) -> float:
 
 
 def reproduce(out: Path, experiment: RoadRuns | None = None) -> pd.DataFrame:
-    """Write road_steps.csv, road_paths.csv, two pictures and the comparison; give that."""
+    """Write road_steps.csv, road_paths.csv, two pictures and the comparison; return the comparison."""
     from analysis.plots.style import save
     from analysis.published import road_frames
 

@@ -21,7 +21,7 @@ Array = np.ndarray[Any, Any]
 HALF, FULL, CAMERA = Vehicle(), Vehicle(mass_kg=1460.0), Camera()
 ROAD = PlainRoad(np.array([0.0, 150.0, 250.0, 420.0, 520.0]), np.array([0.0, 0.0, 1e-3, 1e-3, 0.0]))
 HORIZON_S = 2.0
-STILL_S = 8.0  # when the picture of a run is taken
+STILL_S = 8.0  # time of the picture of a run
 AHEAD = round(HORIZON_S / 0.1)  # steps
 _FINE_S = 0.01
 
@@ -48,11 +48,11 @@ RUNS = (
 
 @settings
 class RoadRuns:
-    """The cars, the drive and the day; all ours."""
+    """The cars, the drives and the light; all our choice."""
 
     cars: int = Field(6, ge=1, le=64)
     duration_s: float = Field(16.0, gt=4, le=600)
-    settle_s: float = Field(2.0, ge=0, description="at the start, not scored")
+    settle_s: float = Field(2.0, ge=0, description="start of the drive, not scored")
     weave_m: float = Field(0.2, ge=0, le=1, description="amplitude of the slower of two weaves in the lane")
     condition: str = Field("clear", description="preset of camera_synth.condition")
     seed: int = Field(1, ge=0)
@@ -68,14 +68,14 @@ class Truth(NamedTuple):
 
 
 def keeping_the_lane(vehicle: Vehicle, weave_m: float, phase: Array) -> Steer:
-    """A driver who follows the road ahead and weaves a little: two slow sines of the wanted offset."""
+    """A driver who follows the road and weaves a little: the desired offset is a sum of two slow sines."""
 
     def steer(t: float, x: Array, v: float) -> float:
         v_y, _, s, d, psi = x
         wanted = weave_m * (
             np.sin(2 * np.pi * (0.11 * t + phase[0])) + 0.4 * np.sin(2 * np.pi * (0.27 * t + phase[1]))
         )
-        # 0.5 rad/s, damping 0.7: not the lane keeping that the refined prediction takes a driver to do
+        # 0.5 rad/s, damping 0.7: differs from the lane keeping that the refined prediction assumes
         to_lane = (0.25 * (d - wanted) + 0.7 * (v * psi + v_y)) / v**2
         turned = float(ROAD.curvature(s + 0.3 * v)) - to_lane
         return float((vehicle.wheelbase_m + vehicle.understeer * v**2) * turned)
@@ -84,7 +84,7 @@ def keeping_the_lane(vehicle: Vehicle, weave_m: float, phase: Array) -> Steer:
 
 
 def truth_of(run: Run, experiment: RoadRuns) -> Truth:
-    """All cars' drives; a car's weave depends on the seed and its number alone."""
+    """All cars' drives; a car's weave depends only on the seed and its number."""
     drives, paths = [], []
     for i in range(experiment.cars):
         key = stream_key(experiment.seed, f"car {i}", "weave")
@@ -131,7 +131,7 @@ def still_step(experiment: RoadRuns) -> int:
 
 
 def driven(truth: Truth, k: int) -> tuple[Array, Array]:
-    """(forward, left) in the vehicle frame of step k of where car 0 was in the 2 s after it, (20,) each."""
+    """Car 0's positions in the 2 s after step k, (forward, left) in the vehicle frame of k, (20,) each."""
     later = slice(k + 1, k + AHEAD + 1)
     dx, dy = truth.x_m[later, 0] - truth.x_m[k, 0], truth.y_m[later, 0] - truth.y_m[k, 0]
     cos, sin = np.cos(truth.world_heading_rad[k, 0]), np.sin(truth.world_heading_rad[k, 0])

@@ -1,4 +1,4 @@
-"""A frame of each road run with the path of the next 2 s drawn in: as driven, and as predicted."""
+"""A frame of each road run with the path of the next 2 s, driven and predicted."""
 
 import numpy as np
 import pandas as pd

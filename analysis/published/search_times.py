@@ -1,8 +1,8 @@
-"""What the published lane search costs a frame (Zhang et al. 2011, table 4): 180, 120 and 25 generations.
+"""Time of the published lane search per frame (Zhang et al. 2011, table 4): 180, 120, 25 generations.
 
 Frames are rendered from gentle bends with solid and dashed borders and searched as in a run: frame 1, frames
-2 to 6, later. Timed in processor time of one thread, for both borders, block maps included; the source's
-computer is not named.
+2 to 6, later frames. Measured is the processor time of one thread for both borders, block maps included; the
+source does not name its computer.
 """
 
 import time
@@ -30,7 +30,7 @@ _STEP_M = 2.5
 
 @settings
 class SearchTimes:
-    """The frames and how often."""
+    """Number of frames and repeats."""
 
     vehicles: int = Field(32, ge=1, le=256, description="frames searched in one call")
     later_frames: int = Field(20, ge=1, le=1000)
@@ -40,12 +40,12 @@ class SearchTimes:
 
 
 def times(experiment: SearchTimes) -> pd.DataFrame:
-    """A row a repeat and frame: class, ms of processor time a frame (both borders), generations."""
+    """One row per repeat and frame: class, ms of processor time (both borders), generations."""
     n = experiment.vehicles
     keys = np.array([stream_key(experiment.seed, f"car {i}", "camera") for i in range(n)], np.uint64)
     numbers = genetic.search_numbers(genetic.GeneticSearch())
     shots = [frames_at(experiment, keys, k) for k in range(6 + experiment.later_frames)]
-    genetic.search(shots[0], genetic.init(keys), numbers)  # compiles where that has not been done
+    genetic.search(shots[0], genetic.init(keys), numbers)  # compiles the kernels if necessary
     rows = []
     for repeat in range(experiment.repeats):
         state = genetic.init(keys + np.uint64(repeat))
@@ -68,7 +68,7 @@ def times(experiment: SearchTimes) -> pd.DataFrame:
 
 
 def compare(measured: pd.DataFrame) -> pd.DataFrame:
-    """Medians of the frame classes beside table 4."""
+    """Medians of the frame classes and table 4."""
     rows = []
     for kind, printed_ms, generations in zip(CLASSES, PRINTED_MS, PRINTED_GENERATIONS, strict=True):
         of_kind = measured[measured["class"] == kind]
@@ -86,13 +86,13 @@ def compare(measured: pd.DataFrame) -> pd.DataFrame:
 
 
 def reproduce(out: Path, experiment: SearchTimes | None = None) -> pd.DataFrame:
-    """Write search-times.csv, search-times.png and the comparison into `out`; give the comparison."""
+    """Write search-times.csv, search-times.png and the comparison into `out`; return the comparison."""
     measured = times(experiment or SearchTimes())
     return comparison.write(out, "search-times", {"search-times.csv": measured}, compare(measured))
 
 
 def frames_at(experiment: SearchTimes, keys: np.ndarray, k: int) -> np.ndarray:
-    """The k-th frames (n, 240, 320) of n cars, each on its own bend and at its own place."""
+    """The k-th frames (n, 240, 320) of n cars, each at its own position on its own bend."""
     n = len(keys)
     curvature = np.linspace(-1e-3, 1e-3, n)
     offset = 0.3 * np.sin(np.arange(n))

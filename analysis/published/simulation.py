@@ -1,13 +1,13 @@
 """The three simulation runs of Zhang et al. 2011, section 4.1, figures 14 to 16, and the steady turn of 3.2.
 
 Truth is the two-degree-of-freedom model at 0.01 s under a constant steer; the observers run at 0.1 s on
-(y_L, e_L) of eq. 20 without noise, on a road of curvature 0.001. Eq. 20 knows no limit of heading, so a car
-may turn about as often as it likes and still 'sees' the road. The source prints curves without numbers here
-and claims: the transient decays, and the static error of v_y is under 10 %.
+(y_L, e_L) of eq. 20 without noise, on a road of curvature 0.001. Eq. 20 does not limit the heading, so a car
+may turn round repeatedly and still 'sees' the road. The source prints curves without numbers here and claims
+that the transient decays, and that the static error of v_y is under 10 %.
 
-Observers: `paper` is Z11's bank; where the load is not the half load that f and the bank are made for, once
-told the mass and once not. `refined` is the default observer, told no mass; its correction for slip errors of
-the lane tracker is off, as these looks have none.
+Observers: `paper` is Z11's bank; for other loads than the half load, for which f and the bank are designed,
+once with and once without knowledge of the mass. `refined` is the default observer, without the mass; its
+correction of slip errors of the lane tracker is off, as these lane estimates have none.
 """
 
 import functools
@@ -32,8 +32,8 @@ Array = np.ndarray[Any, Any]
 
 HALF, FULL = Vehicle(), Vehicle(mass_kg=1460.0)
 ROAD_1PM = 0.001
-FINE = 10  # truth steps of 0.01 s an observer's step
-STATIC_S = 1.0  # the end of a run that static errors are taken from
+FINE = 10  # truth steps of 0.01 s per observer step
+STATIC_S = 1.0  # end of a run, for static errors
 ALLOWED_PERCENT = 10.0
 SETTLED_SHARE = 0.05  # of the greatest true value: a transient has decayed once the error stays below
 
@@ -58,7 +58,7 @@ RUNS = (
     Run("half load, 0.01 rad, 60 to 80 km/h", HALF, 0.01, 60.0, 0.2, 27.7),
     Run("full load, 0.01 rad, 80 km/h", FULL, 0.01, 80.0, 0.0, 6.0),
 )
-# (v_y, γ) at δ = 0.05 rad, half load. The print has the labels of the two observers swapped.
+# (v_y, γ) at δ = 0.05 rad, half load. The source has the labels of the two observers swapped.
 PRINTED_STATES = {
     "observer of 80 km/h": (-1.417, 0.4008),
     "observer of 90 km/h": (-1.996, 0.418),
@@ -70,7 +70,7 @@ _GAIN_NAMES = (("y_L on y_L", "y_L on e_L"), ("e_L on y_L", "e_L on e_L"))
 
 
 def truth_of(run: Run) -> tuple[Drive, list[LaneEstimate]]:
-    """The run at 0.1 s, and what is seen of the road: the Drive's offset and heading are those of eq. 20."""
+    """The run at 0.1 s, and its lane estimates: the Drive's offset and heading are those of eq. 20."""
     fine = drive(
         run.vehicle, lambda *_: run.steer_rad, run.speed, duration_s=run.duration_s, each=1, fine_s=0.1 / FINE
     )
@@ -106,7 +106,7 @@ def _look(offset_m: float, heading_rad: float) -> LaneEstimate:
 
 
 def observers(run: Run) -> dict[str, tuple[Vehicle, ObserverSettings]]:
-    """The observers of a run by name, and the vehicle that each takes the car for."""
+    """The observers of a run by name, and the vehicle that each assumes."""
     paper = ObserverSettings(mode="paper")
     refined = ObserverSettings(filter=FilterSettings(heading_per_slip=0.0))
     if run.vehicle is HALF:
@@ -124,7 +124,7 @@ def _schedule(vehicle: Vehicle, settings: ObserverSettings) -> observer.Schedule
 
 
 def curves() -> pd.DataFrame:
-    """True and observed v_y and γ: a row a run, observer and 0.1 s."""
+    """True and observed v_y and γ: one row per run, observer and 0.1 s."""
     tables = []
     for run in RUNS:
         truth, seen = truth_of(run)
@@ -170,7 +170,7 @@ def steady_turn() -> dict[str, tuple[float, float]]:
 
 
 def compare(curve: pd.DataFrame) -> pd.DataFrame:
-    """Static errors and decay of the runs beside the source's claims; steady states and gains as printed."""
+    """Static errors and decay of the runs and the source's claims; steady states and gains as printed."""
     rows = []
     for (run, name), one in curve.groupby(["run", "observer"], sort=False):
         late = one["time_s"] > one["time_s"].iloc[-1] - STATIC_S
@@ -211,9 +211,9 @@ def compare(curve: pd.DataFrame) -> pd.DataFrame:
 
 
 def _settled_s(time_s: pd.Series, error: pd.Series, true: pd.Series) -> float:
-    """From when on the error, less what is left of it at the end, stays small; NaN where it never does."""
+    """Time from which the error minus its final value stays small; NaN if it never does."""
     left = float(error.iloc[-round(10 * STATIC_S) :].mean())
-    inside = (error - left).abs() <= SETTLED_SHARE * true.abs().max()  # what is not known is not inside
+    inside = (error - left).abs() <= SETTLED_SHARE * true.abs().max()  # NaN counts as outside
     outside = np.flatnonzero(~inside)
     if not len(outside):
         return 0.0
@@ -221,6 +221,6 @@ def _settled_s(time_s: pd.Series, error: pd.Series, true: pd.Series) -> float:
 
 
 def reproduce(out: Path) -> pd.DataFrame:
-    """Write simulation_curves.csv, simulation.png and the comparison into `out`; give the comparison."""
+    """Write simulation_curves.csv, simulation.png and the comparison into `out`; return the comparison."""
     curve = curves()
     return comparison.write(out, "simulation", {"simulation_curves.csv": curve}, compare(curve))

@@ -1,4 +1,4 @@
-"""The report page: what a run, a campaign or a recorded drive holds, as one HTML file for any browser."""
+"""The report page: a run, a campaign or a recorded drive as one HTML file for any browser."""
 
 from analysis.report.reading import ReportError
 from analysis.report.write import write_report

@@ -29,7 +29,7 @@ MOST_ROWS = 400
 
 
 def campaign_page(directory: Path) -> Page:
-    """The page of the campaign in `directory`; what is missing of its report is noted."""
+    """The page of the campaign in `directory`; notes name missing parts of its report."""
     notes: list[str] = []
     if not (directory / "rates.csv").is_file():
         notes += _report_first(directory)
@@ -45,7 +45,7 @@ def campaign_page(directory: Path) -> Page:
     planned = about.get("runs")
     done = len(tables["runs"])
     if isinstance(planned, int) and done < planned:
-        notes.append(f"{done} of {planned} runs are done: the same batch command goes on from there")
+        notes.append(f"{done} of {planned} runs are done: the same batch command continues from there")
     if len(tables["failures"]):
         notes.append(
             f"Failed runs: {len(tables['failures'])}, with their causes in the table of failures below"
@@ -58,7 +58,7 @@ def campaign_page(directory: Path) -> Page:
 
 
 def _report_first(directory: Path) -> list[str]:
-    """Write the campaign's report where only its runs are there."""
+    """Write the campaign's report if there are only runs."""
     from analysis.campaign.report import write_report
     from sumo_net.settings import SettingsError
 

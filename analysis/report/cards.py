@@ -1,4 +1,4 @@
-"""The parts that pages are made of: pictures with a text in their place, tables, notes."""
+"""The parts of a page: figures with alternative text, tables, notes."""
 
 import base64
 import io
@@ -16,15 +16,15 @@ class Card:
     """One figure of the page."""
 
     title: str
-    text: str  # what it shows, also for those who do not see it
+    text: str  # description, also for screen readers
     picture: str = ""  # base64 of an SVG
-    missing: str = ""  # why there is none
+    missing: str = ""  # why there is no picture
     wide: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A table on the page; the first column is what a row is about."""
+    """A table on the page; the first column names the row."""
 
     title: str
     header: Sequence[str]
@@ -35,7 +35,7 @@ class Grid:
 
 @dataclass(slots=True)
 class Page:
-    """Everything a page shows; strings are plain text, escaped when the page is written."""
+    """Contents of a page; strings are plain text, escaped when the page is written."""
 
     title: str
     subtitle: str = ""
@@ -45,12 +45,12 @@ class Page:
     cards: list[Card] = field(default_factory=list)
     events: list[Grid] = field(default_factory=list)  # below them
     settings: str = ""
-    scene: dict[str, object] | None = None  # what the map and the timeline draw
-    drives: list[dict[str, object]] = field(default_factory=list)  # what the viewer draws
+    scene: dict[str, object] | None = None  # data of map and timeline
+    drives: list[dict[str, object]] = field(default_factory=list)  # data of the viewer
 
 
 def card(title: str, text: str, draw: Callable[[], Figure], wide: bool = False) -> Card:
-    """Draw a figure for the page; one that cannot be drawn, of tables of another version, says why."""
+    """Draw a figure for the page, or say why it cannot be drawn, as from tables of another version."""
     try:
         figure = draw()
         picture = io.BytesIO()
@@ -61,7 +61,7 @@ def card(title: str, text: str, draw: Callable[[], Figure], wide: bool = False) 
 
 
 def grid_of(table: pd.DataFrame, title: str, columns: Iterable[str], most: int, text: str = "") -> Grid:
-    """Rows of a table as text, at most so many."""
+    """The first `most` rows of a table as text."""
     shown = [name for name in columns if name in table.columns]
     rows = [[cell(value) for value in row] for row in table[shown].head(most).itertuples(index=False)]
     more = f"The first {most} of {len(table)}. " if len(table) > most else ""
@@ -69,7 +69,7 @@ def grid_of(table: pd.DataFrame, title: str, columns: Iterable[str], most: int, 
 
 
 def cell(value: object) -> str:
-    """A table's value as people read it; empty where it is not known."""
+    """A table's value as readable text; empty if unknown."""
     if value is None or value is pd.NA or value != value:
         return ""
     if isinstance(value, float):

@@ -1,4 +1,4 @@
-"""The road behind a run as lines for a map: the lanes of its network file, where that is known."""
+"""The road of a run as lines for a map: the lanes of its network file, if known."""
 
 import tempfile
 from collections.abc import Mapping
@@ -18,35 +18,33 @@ from sumo_net.settings import SettingsError
 
 Array = np.ndarray[Any, Any]
 
-MARGIN_M = 150.0  # so far around the driven paths the network is shown
+MARGIN_M = 150.0  # the network is shown this far around the driven paths
 MOST_POINTS = 30_000  # more would make the page heavy; the outline is then left out
 
 
 def outline(run: RunTables) -> list[Array]:
     """(N, 2) lane centre lines in the coordinates of `true_x_m`, near the driven paths.
 
-    What cannot be had (no settings, a network file that is gone) is noted in the run's notes, and empty.
+    Empty if the settings or the network file are missing, which the run's notes then say.
     """
     steps = run["steps"]
     x, y = steps["true_x_m"].dropna(), steps["true_y_m"].dropna()
     if x.empty:
         return []
     if not run.settings:
-        run.notes.append(
-            "Without configuration.json the network is not known: the map shows driven paths alone"
-        )
+        run.notes.append("Without configuration.json the network is unknown: the map shows only driven paths")
         return []
     try:
         with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
             lanes = _lanes(run.settings, Path(work))
     except (SettingsError, NetworkError, OSError, ValueError, KeyError) as error:
-        run.notes.append(f"The network cannot be shown ({error}): the map shows driven paths alone")
+        run.notes.append(f"The network cannot be shown ({error}): the map shows only driven paths")
         return []
     low = np.array([x.min(), y.min()]) - MARGIN_M
     high = np.array([x.max(), y.max()]) + MARGIN_M
     near = [line for line in lanes if ((line >= low) & (line <= high)).all(axis=1).any()]
     if sum(len(line) for line in near) > MOST_POINTS:
-        run.notes.append("The network is too large for the page: the map shows driven paths alone")
+        run.notes.append("The network is too large for the page: the map shows only driven paths")
         return []
     return near
 

@@ -1,8 +1,8 @@
-"""The page as one HTML file: template, style, scripts, data. Nothing in it asks a network for anything.
+"""The page as one HTML file: template, style, scripts, data. It makes no network requests.
 
-What a scenario or a vehicle's id says is data: Jinja escapes it in the markup, JSON's `<`, `>`, `&` and `'`
-are written as \\u003c and so on, and the page's own content security policy runs no
-script but those put in here.
+Texts of a scenario and vehicle ids are data: Jinja escapes them in the markup, JSON's `<`, `>`, `&` and `'`
+are written as \\u003c and so on, and the page's content security policy allows only the scripts
+inserted here.
 """
 
 import base64
@@ -50,7 +50,7 @@ def render(page: Page, made_with: str = "") -> str:
 
 
 def write_html(page: Page, out: Path, made_with: str = "") -> Path:
-    """Write the page, whole or not at all. Raises ReportError where that cannot be done."""
+    """Write the page completely or not at all. Raises ReportError if that fails."""
     text = render(page, made_with)
     part = out.with_name(out.name + ".part")
     try:
@@ -63,7 +63,7 @@ def write_html(page: Page, out: Path, made_with: str = "") -> Path:
 
 
 def safe_json(content: object) -> Markup:
-    """JSON that can stand in a <script>: no text in it can end that, or begin anything else."""
+    """JSON that is safe in a <script>: no text in it can end the element or begin another."""
     text = json.dumps(json_ready(content), separators=(",", ":"), allow_nan=False)  # ASCII: U+2028 is escaped
     for character in "<>&'":
         text = text.replace(character, f"\\u{ord(character):04x}")
@@ -71,7 +71,7 @@ def safe_json(content: object) -> Markup:
 
 
 def _policy(scripts: list[str]) -> str:
-    """Only these scripts run; pictures come from the page itself; nothing else is fetched."""
+    """Content security policy: only these scripts, pictures only from the page itself, nothing else."""
     digests = [hashlib.sha256(script.encode()).digest() for script in scripts]
     allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
     return (

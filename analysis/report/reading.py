@@ -1,4 +1,4 @@
-"""Tables as they are found: whole, cut off, of an older schema, or not there. What is wrong is noted."""
+"""Tolerant reading of tables that are complete, cut off, of an older schema, or missing, with notes."""
 
 import io
 import json
@@ -19,30 +19,30 @@ Kind = Literal["run", "campaign", "recording"]
 
 
 class ReportError(ValueError):
-    """Nothing that could be shown; the message is for users."""
+    """Nothing can be shown; the message is for users."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunTables:
-    """The tables of a run, all columns of `plugin.schema` in each, and what was missing of them."""
+    """The tables of a run, each with all columns of `plugin.schema`, and notes on missing parts."""
 
     directory: Path
     tables: dict[str, pd.DataFrame]
     notes: list[str] = field(default_factory=list)
-    settings: dict[str, Any] = field(default_factory=dict)  # of configuration.json; {} where there is none
+    settings: dict[str, Any] = field(default_factory=dict)  # of configuration.json; {} if there is none
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         return self.tables[name]
 
 
 def kind_of(directory: Path) -> Kind:
-    """What the directory holds. Raises ReportError where that is nothing that can be shown."""
+    """Kind of the directory's contents. Raises ReportError if nothing in it can be shown."""
     if not directory.is_dir():
         raise ReportError(f"{directory}: no such directory")
     if (directory / "plan.json").is_file() or (directory / "campaign.json").is_file():
         return "campaign"
     for table in ("steps", "runs", "predictions", "warnings"):
-        ends = ("csv", "parquet", "parquet.parts", "parquet.part")  # the last: of an older version
+        ends = ("csv", "parquet", "parquet.parts", "parquet.part")  # the last of an older version
         if any((directory / f"{table}.{end}").exists() for end in ends):
             return "run"
     if (directory / "lanes.csv").is_file() or (directory / "tracks.csv").is_file():
@@ -56,7 +56,7 @@ def kind_of(directory: Path) -> Kind:
 
 
 def read_run(directory: Path) -> RunTables:
-    """All tables of a run's directory; one that is not there is empty, a column that is not there unknown."""
+    """All tables of a run's directory; missing tables are empty, missing columns unknown."""
     notes: list[str] = []
     tables = {name: read_lenient(directory, name, notes) for name in TABLES}
     settings: dict[str, Any] = {}
@@ -70,12 +70,12 @@ def read_run(directory: Path) -> RunTables:
     if tables["runs"].empty and not tables["steps"].empty:
         notes.append("The run was interrupted: the table runs is empty, the rows so far are shown")
     if tables["steps"].empty:
-        notes.append("No equipped vehicle drove, or its rows are lost: the table steps is empty")
+        notes.append("No equipped vehicle drove, or its rows were lost: the table steps is empty")
     return RunTables(directory, tables, notes, settings)
 
 
 def read_lenient(directory: Path, name: str, notes: list[str]) -> pd.DataFrame:
-    """One table with all columns of its schema; what is missing or cut off goes to `notes`."""
+    """One table with all columns of its schema; missing or cut-off parts are added to `notes`."""
     schema = arrow_schema(TABLES[name])
     table = _from_file(directory, name, schema, notes)
     if table is None:
@@ -92,7 +92,7 @@ def read_lenient(directory: Path, name: str, notes: list[str]) -> pd.DataFrame:
         try:
             arrays.append(table[column.name].cast(column.type))
         except pa.ArrowInvalid:
-            notes.append(f"Table {name}: column {column.name} is not of type {column.type}, it is left out")
+            notes.append(f"Table {name}: column {column.name} is not of type {column.type} and is left out")
             arrays.append(pa.nulls(table.num_rows, column.type))
     return to_pandas(pa.Table.from_arrays(arrays, schema=schema))
 
@@ -107,7 +107,7 @@ def _from_file(directory: Path, name: str, schema: pa.Schema, notes: list[str]) 
     if csv.is_file():
         return _from_csv(csv, name, schema, notes)
     if not parquet.is_file():
-        try:  # rows that an interrupted run left in another shape
+        try:  # also the parts of an interrupted run
             return pa.Table.from_pandas(read_table(directory, name), preserve_index=False)
         except FileNotFoundError:
             pass
@@ -132,8 +132,8 @@ def _from_csv(path: Path, name: str, schema: pa.Schema, notes: list[str]) -> pa.
         return None
     try:
         content.decode()
-    except UnicodeDecodeError:  # Arrow would find that in the middle of its work
-        notes.append(f"{path.name} cannot be read: it is no text")
+    except UnicodeDecodeError:  # Arrow would fail on it half-way
+        notes.append(f"{path.name} cannot be read: it is not text")
         return None
     skipped = 0
 
@@ -142,7 +142,7 @@ def _from_csv(path: Path, name: str, schema: pa.Schema, notes: list[str]) -> pa.
         skipped += 1
         return "skip"
 
-    # columns as text first: a value that is no number spoils its column, not the table
+    # columns as text first: a value that is not a number then affects its column, not the table
     text = {column.name: pa.string() for column in schema}
     convert = pa.csv.ConvertOptions(column_types=text, strings_can_be_null=True)
     parse = pa.csv.ParseOptions(newlines_in_values=True, invalid_row_handler=skip)
@@ -156,19 +156,19 @@ def _from_csv(path: Path, name: str, schema: pa.Schema, notes: list[str]) -> pa.
         if skipped:
             notes.append(f"{path.name}: {skipped} rows with too few or too many fields are left out")
         return table
-    notes.append(f"{path.name} cannot be read: it is no CSV table")
+    notes.append(f"{path.name} cannot be read: it is not a CSV table")
     return None
 
 
 def read_csv(directory: Path, name: str, notes: list[str]) -> pd.DataFrame:
-    """A CSV file of a campaign or a recorded drive, an empty table where there is none that can be read."""
+    """A CSV file of a campaign or a recorded drive; an empty table if it is missing or unreadable."""
     path = directory / name
     if not path.is_file():
         return pd.DataFrame()
     content = path.read_bytes()
     if not content.endswith(b"\n"):
         content = content[: content.rfind(b"\n") + 1]
-        notes.append(f"{name} ends within a row: it was interrupted, the row is left out")
+        notes.append(f"{name} ends within a row: writing was interrupted, the row is left out")
     try:
         return pd.read_csv(io.BytesIO(content), on_bad_lines="skip")
     except (ValueError, UnicodeDecodeError) as error:
@@ -178,7 +178,7 @@ def read_csv(directory: Path, name: str, notes: list[str]) -> pd.DataFrame:
 
 
 def json_ready(value: Any) -> Any:
-    """The same with None for what JSON has no word for: NaN, infinities, pandas' missing values."""
+    """The value with None for what JSON cannot represent: NaN, infinities, pandas' missing values."""
     if isinstance(value, dict):
         return {str(key): json_ready(one) for key, one in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""The page of a recorded drive: what `detect` or `track` wrote into a directory."""
+"""The page of a recorded drive, from the output of `detect` or `track`."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def recording_page(directory: Path) -> Page:
         page.cards.append(
             card(
                 "Lane over time",
-                "Offset, heading, curvature, width and score of the lane found; gaps: no lane found.",
+                "Offset, heading, curvature, width and score of the detected lane; gaps: no lane detected.",
                 lambda: figures.lanes(lanes),
                 wide=True,
             )
@@ -34,7 +34,7 @@ def recording_page(directory: Path) -> Page:
         page.cards.append(
             card(
                 "Radar tracks over time",
-                "Range, range rate and azimuth of the tracks by motion class; ringed: in the vehicle's path.",
+                "Range, range rate and azimuth of the tracks by motion class; rings: in the vehicle's path.",
                 lambda: figures.tracks(tracks),
                 wide=True,
             )

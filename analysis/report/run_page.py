@@ -34,8 +34,8 @@ def run_page(
 ) -> Page:
     """The page of the run whose tables lie in `directory`.
 
-    vehicles : whose drives the viewer shows; by default those whose frames were kept, else the most
-        interesting one. Where there are no frames, the run is repeated for them (`analysis.replay`).
+    vehicles : those whose drives the viewer shows; by default those whose frames were kept, else the most
+        interesting one. If frames are missing, the run is repeated for them (`analysis.replay`).
     frames : False leaves the viewer out.
 
     Raises DriveError for a vehicle in `vehicles` that the run does not have.
@@ -120,14 +120,14 @@ def _figures(run: RunTables) -> list[Grid]:
         ("motion class right", _percent(counts["class_accuracy"]), ""),
     ]
     header = ("figure", "value", "95 % interval")
-    text = "Rates with exact Poisson intervals, shares with Wilson's; of frames a bootstrap over vehicles."
+    text = "Rates with exact Poisson intervals, shares with Wilson's; for frames a bootstrap over vehicles."
     return [
         Grid("Lane departure", header, lane, text),
         Grid(
             "Rear end",
             header,
             rear,
-            "Due is a conflict with a leader that had been in path and in view for 1 s.",
+            "A warning is due if the leader has been in path and in view for 1 s.",
         ),
         _prediction_grid(counts),
     ]
@@ -161,8 +161,8 @@ def _drives(run: RunTables, vehicles: Sequence[str], tell: Callable[[str], None]
         if missing:
             from analysis.replay import replay, settings_to_repeat
 
-            settings_to_repeat(run.directory)  # or nothing is announced
-            tell(f"the run is repeated for the camera frames of {', '.join(missing)} (--no-frames: without)")
+            settings_to_repeat(run.directory)  # raises before anything is announced
+            tell(f"repeating the run for the camera frames of {', '.join(missing)} (--no-frames: without)")
             run.notes.extend(replay(run.directory, missing))
         for name in names:
             found.append(viewer_data(load_drive(run.directory, name), DRIVES_BYTES // len(names)))
@@ -186,7 +186,7 @@ def _cards(run: RunTables) -> list[Card]:
         ),
         card(
             "Prediction error by situation",
-            "Median one and two seconds ahead, by what the driver does and how the road runs.",
+            "Median one and two seconds ahead, by driver action and road curvature.",
             lambda: figures.prediction_by_category(predictions, steps),
         ),
         card(
@@ -197,7 +197,7 @@ def _cards(run: RunTables) -> list[Card]:
         ),
         card(
             "Error of the time to lane crossing",
-            "Where the true time is under 1 s: the higher and the further left a curve, the better.",
+            "Where the true time is under 1 s: the higher and further left a curve, the better.",
             lambda: figures.tlc_error(steps),
         ),
         card(
@@ -207,12 +207,12 @@ def _cards(run: RunTables) -> list[Card]:
         ),
         card(
             "Warnings by outcome",
-            "True: it came to it. Nuisance: the driver corrected. False: no such drift or approach.",
+            "True: the event followed. Nuisance: the driver corrected. False: no such drift or approach.",
             lambda: figures.warning_outcomes(run["warnings"]),
         ),
         card(
             "Motion classes of radar tracks",
-            "What tracks of each true class were taken for, after the third cycle.",
+            "Estimated by true class, after the third cycle.",
             lambda: figures.motion_classes(run["tracks"]),
         ),
     ]
@@ -229,7 +229,7 @@ def _events(run: RunTables) -> list[Grid]:
             f"Departures without a turn signal ({len(meant)})",
             ("vehicle_id", "side", "crossing_s", "cause", "speed_mps", "warned", "lead_time_s", "in_zone"),
             MOST_EVENTS,
-            "Empty under warned: none was due, the vehicle was slow.",
+            "Empty under warned: no warning was due, as the vehicle was slow.",
         ),
         grid_of(
             warnings,

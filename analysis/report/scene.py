@@ -1,4 +1,4 @@
-"""What the page's map and timeline draw: vehicles as columns of numbers, rounded to what a screen shows."""
+"""Data of the page's map and timeline: vehicles as columns of numbers, rounded to screen resolution."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from analysis.report.reading import RunTables, json_ready
 
 Array = np.ndarray[Any, Any]
 
-MOST_ROWS = 40_000  # of steps on the page; of larger runs the vehicles with most events are shown
+MOST_ROWS = 40_000  # of steps on the page; larger runs show only the vehicles with most events
 PATH_EVERY = 5  # steps between points of a path on the map
 MOST_PATH_POINTS = 40_000
 _COLUMNS = {  # name on the page: (column, decimals)
@@ -28,12 +28,12 @@ _SHOWN_TTC_S = 10.0
 
 
 def scene(run: RunTables, lines: Sequence[Array]) -> dict[str, Any] | None:
-    """Everything for map and timeline; None where nobody drove. Notes what had to be left out."""
+    """Data of map and timeline; None if no equipped vehicle drove. Adds a note if vehicles are left out."""
     steps = run["steps"]
     if steps.empty:
         return None
     steps = steps.assign(width=steps["true_lane_width_m"].fillna(steps["lane_width_m"]))
-    for column in ("true_ttc_s", "fcw_ttc_s"):  # farther ones are drawn nowhere, and make the page heavy
+    for column in ("true_ttc_s", "fcw_ttc_s"):  # larger ones are not drawn and only add to the page's size
         steps[column] = steps[column].where(steps[column] <= _SHOWN_TTC_S)
     names = _by_events(run)
     rows_of = dict(tuple(steps.groupby("vehicle_id", observed=True)))
@@ -58,7 +58,7 @@ def scene(run: RunTables, lines: Sequence[Array]) -> dict[str, Any] | None:
 
 
 def _by_events(run: RunTables) -> list[str]:
-    """Ids, those with most departures and warnings first."""
+    """Vehicle ids by number of departures and warnings, descending."""
     steps, departures, warnings = run["steps"], run["departures"], run["warnings"]
     meant = departures[departures["cause"] != "lane_change_signalled"]
     count = steps["vehicle_id"].value_counts().sort_index() * 1e-6
@@ -94,7 +94,7 @@ def _vehicle(name: str, rows: pd.DataFrame, run: RunTables) -> dict[str, Any]:
 
 
 def _paths(steps: pd.DataFrame) -> list[dict[str, Any]]:
-    """A polyline a vehicle, broken where rows are missing."""
+    """One polyline per vehicle, broken where rows are missing."""
     known = steps[steps["true_x_m"].notna() & steps["true_y_m"].notna()]
     every = max(PATH_EVERY, -(-len(known) // MOST_PATH_POINTS))
     paths = []
@@ -112,7 +112,7 @@ def _paths(steps: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def _events(run: RunTables) -> list[dict[str, Any]]:
-    """Departures and warnings where they happened."""
+    """Departures and warnings with their positions."""
     departures, warnings = run["departures"], run["warnings"]
     meant = departures[departures["cause"] != "lane_change_signalled"]
     found = []
@@ -140,7 +140,7 @@ def _events(run: RunTables) -> list[dict[str, Any]]:
 
 
 def _joined(lines: Sequence[Array]) -> dict[str, Any]:
-    """Many lines as one, with nothing between them."""
+    """Many lines as one, with gaps between them."""
     x: list[float | None] = []
     y: list[float | None] = []
     for line in lines:
@@ -150,6 +150,6 @@ def _joined(lines: Sequence[Array]) -> dict[str, Any]:
 
 
 def _numbers(values: "pd.Series[Any]", decimals: int) -> list[float | None]:
-    """Rounded numbers, None where not known."""
+    """Rounded numbers, None where unknown."""
     rounded = np.round(values.to_numpy(np.float64, na_value=np.nan), decimals)
     return [None if value != value else value for value in rounded.tolist()]

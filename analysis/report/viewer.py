@@ -1,4 +1,4 @@
-"""What the drive viewer draws: pictures at a rate that fits the page, and the numbers drawn over them."""
+"""Data of the drive viewer: pictures at a rate that fits the page, and the values drawn over them."""
 
 import base64
 import json
@@ -17,13 +17,13 @@ Array = np.ndarray[Any, Any]
 
 DRIVES_BYTES = 6_500_000  # of all drives on a page: with Plotly and the timelines it stays under 15 MB
 JPEG_QUALITY = 50
-_RATES = (1, 2, 3, 4, 5, 10, 20)  # every so many steps a picture
+_RATES = (1, 2, 3, 4, 5, 10, 20)  # steps per picture
 _BORDER_POINTS, _ROAD_POINTS, _PATH_POINTS = 30, 12, 10
 _AHEAD_M = 160.0
 
 
 def viewer_data(drive: Drive, most_bytes: int = DRIVES_BYTES) -> dict[str, Any]:
-    """The drive as the page's script takes it; at least every 20th step, however small `most_bytes`."""
+    """The drive in the form of the page's script; at least every 20th step, however small `most_bytes`."""
     tracks = {float(time): rows for time, rows in drive.tracks.groupby(drive.tracks["time_s"].round(2))}
     every = _every(drive, tracks, most_bytes)
     shown = range(0, len(drive.time_s), every)
@@ -40,7 +40,7 @@ def viewer_data(drive: Drive, most_bytes: int = DRIVES_BYTES) -> dict[str, Any]:
 
 
 def _start(drive: Drive) -> float:
-    """Where the viewer opens: shortly before the first departure or warning."""
+    """Time at which the viewer starts: shortly before the first departure or warning."""
     meant = drive.departures[drive.departures["cause"] != "lane_change_signalled"]
     lane = drive.warnings[drive.warnings["kind"] == "ldw"]
     for moments in (meant["crossing_s"], lane["start_s"], drive.warnings["start_s"]):
@@ -50,7 +50,7 @@ def _start(drive: Drive) -> float:
 
 
 def _every(drive: Drive, tracks: dict[float, Any], most_bytes: int) -> int:
-    """The least reduction with which the steps fit, by what some of them take."""
+    """The least reduction with which the steps fit, by the size of a sample of them."""
     count = len(drive.time_s)
     sample = np.unique(np.linspace(0, count - 1, min(count, 12)).astype(int)).tolist()
     mean = sum(len(json.dumps(_step(drive, i, tracks), separators=(",", ":"))) for i in sample) / len(sample)
@@ -86,7 +86,7 @@ def _step(drive: Drive, i: int, tracks: dict[float, Any]) -> dict[str, Any]:
 
 
 def _border(drive: Drive, i: int, side: int) -> list[list[float]]:
-    """Column and row, down from the top, of the border where it was seen."""
+    """Column and row (down from the top) of the border where it was seen."""
     columns, rows = drive.border_px[i, side], drive.border_rows
     seen = np.flatnonzero(np.isfinite(columns) & (columns > -WIDTH_PX) & (columns < 2 * WIDTH_PX))
     if not len(seen):

@@ -1,4 +1,4 @@
-"""From a directory to its page: the one entry that the command and notebooks use."""
+"""Write the page of a directory: the entry point for the command and notebooks."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -23,11 +23,11 @@ def write_report(
 ) -> Path:
     """Write the page of a run, a campaign or a recorded drive; gives its path (by default DIR/report.html).
 
-    vehicles, frames : which drives the viewer shows, for a run: see `run_page`.
-    tell : takes notes for whoever waits, as one line each.
+    vehicles, frames : drives that the viewer shows, for a run: see `run_page`.
+    tell : receives progress messages of one line each.
 
-    Raises ReportError where the directory holds nothing to show or the page cannot be written, DriveError for
-    a vehicle that the run does not have.
+    Raises ReportError if the directory holds nothing to show or the page cannot be written, DriveError for a
+    vehicle that the run does not have.
     """
     directory = Path(directory)
     kind = kind_of(directory)
