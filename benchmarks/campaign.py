@@ -1,4 +1,4 @@
-"""Campaigns: two workers against one, many short runs, and a campaign that is killed again and again.
+"""Campaigns: one and two workers, many short runs, and a campaign that is killed repeatedly.
 
     python benchmarks/campaign.py scaling [--runs 6] [--duration 60]
     python benchmarks/campaign.py many [--runs 1000] [--duration 1] [--workers 2]
@@ -6,14 +6,13 @@
     python benchmarks/campaign.py start [--runs 8]
     python benchmarks/campaign.py kill [--kills 20] [--runs 300]
 
-`scaling` prints the clock's gain and, for a machine that others use too, the two things that it consists of:
-the processor time of the runs with one and with two workers, and how much of the workers' time was spent in
-runs. `many` follows the resident memory of the client (which has the scheduler and the workers of a local
-campaign in it) and of the server that the runs are forked from. `engine` does the same with runs that do
-nothing: what is left is the engine, its processor time and its memory. `start` times runs of 0.1 s in fresh
-processes and in forks.
-`kill` sends SIGKILL to the whole campaign (client, workers, runs) at random moments, resumes it with the same
-command, and at the end compares every CSV of the report with that of a campaign that nobody disturbed.
+`scaling` prints the gain in wall-clock time and, for a shared machine, its two components: the processor time
+of the runs with one and with two workers, and the share of the workers' time spent in runs. `many` follows
+the resident memory of the client (which contains scheduler and workers of a local campaign) and of the server
+that runs are forked from. `engine` does the same with empty runs, to measure the engine's processor time and
+memory. `start` times runs of 0.1 s in new processes and in forks. `kill` sends SIGKILL to the whole campaign
+(client, workers, runs) at random times, resumes it with the same command, and at the end compares every CSV
+of the report with that of an undisturbed campaign.
 """
 
 import argparse
@@ -43,14 +42,14 @@ settings = {{ "equipment.fraction" = {fraction} }}
 
 
 def start(file: Path, out: Path, workers: int) -> subprocess.Popen[bytes]:
-    """The command, in a process group of its own."""
+    """Start the command in its own process group."""
     words = [*COMMAND, str(file), "--out", str(out), "--workers", str(workers)]
     quiet = subprocess.DEVNULL
     return subprocess.Popen(words, stdout=quiet, stderr=quiet, start_new_session=True)
 
 
 def timed(file: Path, out: Path, workers: int) -> float:
-    """Seconds on the clock of a whole campaign."""
+    """Wall-clock seconds of a whole campaign."""
     begin = time.perf_counter()
     if start(file, out, workers).wait() != 0:
         raise SystemExit(f"the campaign in {out} failed")
@@ -58,11 +57,11 @@ def timed(file: Path, out: Path, workers: int) -> float:
 
 
 class Watch:
-    """Listens to a campaign that runs in this process."""
+    """Follows a campaign that runs in this process."""
 
     def __init__(self, every: int = 0, file: Path | None = None) -> None:
         self.begin = time.perf_counter()
-        self.ready = float("nan")  # the cluster is there
+        self.ready = float("nan")  # time at which the cluster is ready
         self.done: list[Any] = []
         self.memory: list[tuple[int, float, float, float]] = []  # runs, MB of client and server, own CPU
         self._every, self._file = every, file
@@ -94,7 +93,7 @@ def rss_mb(process: psutil.Process) -> float:
 
 
 def watched(file: Path, out: Path, workers: int, watch: Watch) -> float:
-    """Seconds on the clock of a campaign in this process, the cluster's start included."""
+    """Wall-clock seconds of a campaign in this process, the cluster's start included."""
     from analysis.campaign import load, run
 
     plan = load(file)
@@ -120,7 +119,7 @@ def scaling(work: Path, runs: int, duration_s: float) -> None:
         outside = sum(done.seconds - done.run_s for done in watch.done[workers:])
         steady = sum(done.seconds for done in watch.done[workers:])
         print(
-            f"{workers} workers: {clock[workers]:.1f} s, {cpu[workers] / runs:.2f} core seconds a run; "
+            f"{workers} workers: {clock[workers]:.1f} s, {cpu[workers] / runs:.2f} core seconds per run; "
             f"cluster started in {watch.ready - watch.begin:.2f} s\n  in runs "
             f"{inside / workers / clock[workers]:.1%} of the workers' time; what a worker does around a run "
             f"{outside / steady:.2%} of it (without the first of each)\n  client, scheduler and "
@@ -143,7 +142,7 @@ def many(work: Path, runs: int, duration_s: float, workers: int) -> None:
 
 
 def nothing(order: dict[str, Any], place: Path) -> None:
-    """In the place of a run: its result, without simulating."""
+    """Replaces a run: writes a result without simulating."""
     place.mkdir()
     counts = {"runs": 1, "distance_mm": order["seed"], "vehicle_steps": 1, "vehicles": 1}
     summary = {"key": order["key"], "cell": order["cell"], "seed": order["seed"], "counts": counts}
@@ -151,7 +150,7 @@ def nothing(order: dict[str, Any], place: Path) -> None:
 
 
 def engine_alone(work: Path, runs: int, workers: int) -> None:
-    """The engine without runs: planning, scheduling, forking, moving in."""
+    """The engine without runs: planning, scheduling, forking, storing."""
     from analysis.campaign import engine
     from benchmarks.campaign import nothing as known_by_the_forks
 
@@ -181,7 +180,7 @@ def engine_alone(work: Path, runs: int, workers: int) -> None:
 
 
 def start_up(work: Path, runs: int) -> None:
-    """Runs of 0.1 s: in fresh processes, and in forks of one that has everything loaded."""
+    """Runs of 0.1 s in new processes and in forks of one that has everything loaded."""
     from analysis.fork_server import ForkServer
 
     order = {
@@ -194,7 +193,7 @@ def start_up(work: Path, runs: int) -> None:
         from analysis.campaign.one import one
 
         server.call(one, order, work / "first")
-        for k in range(runs):  # in turns, so that what else the machine does falls on both
+        for k in range(runs):  # interleaved, so that other load affects both
             before = os.times()
             program = f"{code}one({order!r}, Path({str(work / f'fresh{k}')!r}))"
             subprocess.run([sys.executable, "-c", program], check=True)
@@ -203,11 +202,11 @@ def start_up(work: Path, runs: int) -> None:
             took["fresh"].append(cpu)
             took["fork"].append(server.call(one, order, work / f"fork{k}").cpu_s)
     for name, values in took.items():
-        print(f"{name}: {sorted(values)[len(values) // 2]:.2f} core seconds a run (median of {runs})")
+        print(f"{name}: {sorted(values)[len(values) // 2]:.2f} core seconds per run (median of {runs})")
 
 
 def kill(work: Path, kills: int, runs: int) -> None:
-    """Kill it, resume it; whole again at the end."""
+    """Kill and resume it repeatedly; complete at the end."""
     file, draw = work / "campaign.toml", random.Random(1)
     file.write_text(FILE.format(scenario="straight", runs=runs, duration=2.0, fraction=0.05))
     timed(file, work / "whole", 2)

@@ -1,14 +1,14 @@
-"""The coupling with SUMO against the same loop by traci with subscriptions.
+"""The coupling with SUMO compared with the same loop using traci subscriptions.
 
     python benchmarks/coupling_against_traci.py [--steps 200] [--share 0.2] [--out out/bench/coupling.json]
 
-Heavy traffic on the built-in highway with four lanes. A loop steps SUMO, reads position, angle, speed,
-lane and place along it of all vehicles into arrays, and puts a share of them sideways on their
-lanes. `libsumo getters` is this project's `Traffic`; the loops by subscription are written here in the plain
-way: subscribe each vehicle when it departs, take all results at once. Each runs in
-a process of its own after the same fill; timed is processor time, SUMO's own process included, and the bare
-simulationStep of libsumo without reading or writing is taken out to give the coupling's own cost. All loops
-must end with the same vehicles in the same places.
+Heavy traffic on the built-in highway with four lanes. A loop steps SUMO, reads position, angle, speed, lane
+and lane position of all vehicles into arrays, and moves a share of them sideways in their lanes. `libsumo
+getters` is this project's `Traffic`; the subscription loops are written here in the usual way: subscribe each
+vehicle when it departs, get all results at once. Each runs in its own process after the same warm-up.
+Measured is processor time, SUMO's process included; the bare simulationStep of libsumo without reading or
+writing is subtracted to give the cost of the coupling. All loops must end with the same vehicles at the same
+positions.
 """
 
 import argparse
@@ -40,23 +40,23 @@ class Read(NamedTuple):
 
 @functools.cache
 def is_put(name: str, share: float) -> bool:
-    """Whether a vehicle is one of those that are put sideways."""
+    """Whether a vehicle is one of those moved sideways."""
     return (hash_of(name) % 1000) < 1000 * share
 
 
 @functools.cache
 def hash_of(name: str) -> int:
-    """The same in every process."""
+    """Hash that is the same in every process."""
     return sum((k + 1) * ord(letter) for k, letter in enumerate(name)) * 7919
 
 
 def across(name: str, step: int) -> float:
-    """Where on its lane, m left."""
+    """Lateral position in its lane, m left."""
     return 0.3 * math.sin(0.05 * step + hash_of(name))
 
 
 def by_subscription(sumo: Any, constants: Any) -> Callable[[], Read]:
-    """Read by subscriptions, as the manual of traci shows it."""
+    """Read by subscriptions, as in traci's manual."""
     tc = constants
     variables = (
         tc.VAR_POSITION,
@@ -82,7 +82,7 @@ def by_subscription(sumo: Any, constants: Any) -> Callable[[], Read]:
 
 
 def loop(kind: str, steps: int, share: float, seed: int) -> dict[str, Any]:
-    """Seconds a step of one kind of loop, and where the vehicles are at its end."""
+    """Seconds per step of one kind of loop, and the vehicles' final positions."""
     import psutil
     import traci.constants
 
@@ -164,7 +164,7 @@ def main() -> None:
         "libsumo subscriptions",
         "traci subscriptions",
     )
-    context = multiprocessing.get_context("spawn")  # one SUMO a process
+    context = multiprocessing.get_context("spawn")  # one SUMO per process
     done: dict[str, list[dict[str, Any]]] = {kind: [] for kind in kinds}
     for _ in range(options.repeats):
         for kind in kinds:

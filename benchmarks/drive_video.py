@@ -1,9 +1,9 @@
-"""What frames, replays and videos of a drive cost, in processor time against the time that was driven.
+"""Cost of frames, replays and videos of a drive: processor time per second driven.
 
     python benchmarks/drive_video.py [--duration 60] [--out out/drive_video]
 
-Processor time, not wall time: it holds also where other work runs beside it. Below 2, a machine of two cores
-is faster than real time.
+Processor time, not wall-clock time, so that other load does not matter. Below 2, a machine with two cores is
+faster than real time.
 """
 
 import argparse
@@ -25,7 +25,7 @@ def processor_s(work: Callable[[], object]) -> float:
 
 
 def main() -> None:
-    """Print a line a measurement."""
+    """Print one line per measurement."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -38,7 +38,7 @@ def main() -> None:
 
     run("warm", 2.0, 1)  # kernels are loaded
     plain = processor_s(lambda: run("plain", given.duration, 0))
-    print(f"{'run':28} {plain / given.duration:6.2f} core-seconds a second simulated")
+    print(f"{'run':28} {plain / given.duration:6.2f} core-seconds per second simulated")
     kept = 10
     watched = processor_s(lambda: run("watched", given.duration, kept))
     files = list((given.out / "watched" / "frames").glob("*/*"))
@@ -52,12 +52,12 @@ def main() -> None:
     name = most_interesting(directory)
     again = processor_s(lambda: replay(directory, [name]))
     driven = len(load_drive(directory, name).time_s) / 10.0
-    print(f"{'frames made afterwards':28} {again / driven:6.2f} core-seconds a second of {driven:.0f} s")
+    print(f"{'frames made afterwards':28} {again / driven:6.2f} core-seconds per second of {driven:.0f} s")
     for suffix in ("mp4", "webm"):
         out = given.out / f"drive.{suffix}"
         cost = processor_s(lambda out=out: make_video(directory, out, name))  # type: ignore[misc]
         size = out.stat().st_size / 1e6
-        print(f"{'video, ' + suffix:28} {cost / driven:6.2f} core-seconds a second, {size:.1f} MB")
+        print(f"{'video, ' + suffix:28} {cost / driven:6.2f} core-seconds per second, {size:.1f} MB")
 
 
 if __name__ == "__main__":

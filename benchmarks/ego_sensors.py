@@ -1,9 +1,9 @@
-"""Noise and resolution of a recorded car's own sensors, which the defaults of EgoSensors rest on.
+"""Noise and resolution of a recorded car's own sensors, the basis of the defaults of EgoSensors.
 
 python benchmarks/ego_sensors.py FOLDER, which holds gyro.csv, steering.csv, speed.csv and radar.csv of a
-comma2k19 segment (one minute of freeway). What changes from sample to sample faster than a car can is noise:
-by second differences, and by the spectrum between 5 Hz and 10 Hz for the gyroscope, which the body shakes.
-The wheel speed's scale is compared with the Doppler speed of what stands beside the road.
+comma2k19 segment (one minute of freeway). Changes between samples that are faster than a car's motion are
+noise: measured by second differences, and for the gyroscope, which body vibration shakes, by the spectrum
+between 5 Hz and 10 Hz. The wheel speed's scale is compared with the Doppler speed of stationary objects.
 """
 
 import math
@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy.signal import welch
 
-_STANDS_MPS = 1.0  # over ground, by radar and wheels: what moves more slowly than this stands
+_STANDS_MPS = 1.0  # over ground, by radar and wheels: slower objects count as stationary
 
 
 def noise(values: np.ndarray) -> float:
@@ -23,19 +23,19 @@ def noise(values: np.ndarray) -> float:
 
 
 def resolution(values: np.ndarray) -> float:
-    """The usual step between neighbouring values."""
+    """Typical step between neighbouring values."""
     return float(np.median(np.round(np.diff(np.unique(values)), 6)))
 
 
 def within(values: np.ndarray, rate_hz: float, low_hz: float, high_hz: float) -> float:
-    """Root mean square of what lies between two frequencies."""
+    """Root mean square of the signal between two frequencies."""
     frequency, power = welch(values, rate_hz, nperseg=512)
     inside = (frequency >= low_hz) & (frequency < high_hz)
     return float(np.sqrt(np.trapezoid(power[inside], frequency[inside])))
 
 
 def evenly(table: pd.DataFrame, column: str, rate_hz: float = 100.0) -> np.ndarray:
-    """A column on an even grid of time."""
+    """A column resampled to a uniform time grid."""
     time = np.arange(table["time_s"].iloc[0], table["time_s"].iloc[-1], 1.0 / rate_hz)
     return np.interp(time, table["time_s"], table[column])
 

@@ -2,11 +2,11 @@
 
     python benchmarks/faults.py [--kills 50] [--duration 25] [--scenario straight] [--equip 0.02]
 
-Each round starts what `sumo-adas run` does, in a process forked from one that has everything loaded, with
+Each round starts a run as `sumo-adas run` does, in a process forked from one that has everything loaded, with
 CSV, Parquet or both, kills it at a random moment of a random step, or while it closes its tables, and reads
-every table. The run notes its steps, so that it is known which flush (every 10 s simulated) had been made: at
-least that must be there, in whole rows, and equal to an undisturbed run's. A run that ends before it is
-killed does not count. Exit status 1 where something was lost.
+every table. The run notes its steps, which tells its last flush (every 10 s simulated): at least the rows up
+to that must be present, complete, and equal to an undisturbed run's. A run that ends before it is killed does
+not count. Exit status 1 if anything was lost.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from plugin.record import read_table
 from plugin.schema import TABLES
 
 FLUSH_STEPS = 100
-CLOSING_S = 0.1  # about as long as the tables take to be closed
+CLOSING_S = 0.1  # about the time to close the tables
 
 
 def noted_run(out: Path, form: str, scenario: str, duration_s: float, equip: float, notes: Path) -> None:
@@ -59,13 +59,13 @@ def noted_run(out: Path, form: str, scenario: str, duration_s: float, equip: flo
 
 
 def noted(notes: Path) -> list[int]:
-    """The pid of a run, 0 for its beginning, the steps that it has made."""
+    """The process id of a run, 0 for its start, and its completed steps."""
     lines = notes.read_text().split("\n")[:-1] if notes.exists() else []
     return [int(line) for line in [*lines[:1], "0", *lines[1:]]]
 
 
 def kill(running: "Future[object]", notes: Path, step: int, after_s: float) -> None:
-    """Kill a run so long after it has made `step`."""
+    """Kill a run `after_s` after its step `step`."""
     while not running.done():
         so_far = noted(notes)
         if len(so_far) > 1 and so_far[-1] >= step:
@@ -77,7 +77,7 @@ def kill(running: "Future[object]", notes: Path, step: int, after_s: float) -> N
 
 
 def judge(out: Path, whole: dict[str, pd.DataFrame], flushed_steps: int) -> list[str]:
-    """What is wrong with the tables of a killed run."""
+    """Faults in the tables of a killed run."""
     faults = []
     begin = float(whole["steps"]["time_s"].min())
     for name in TABLES:
@@ -96,7 +96,7 @@ def judge(out: Path, whole: dict[str, pd.DataFrame], flushed_steps: int) -> list
         if len(kept) and not kept.reset_index(drop=True).equals(wanted.reset_index(drop=True)):
             faults.append(f"{name}: {len(kept)} rows are not those of the undisturbed run")
         if name == "steps" and flushed_steps:
-            settled = begin + flushed_steps / 10.0 - 5.2  # rows wait until 5 s after them are known
+            settled = begin + flushed_steps / 10.0 - 5.2  # rows wait for the 5 s that follow them
             must = int((whole[name]["time_s"] <= settled).sum())
             if len(kept) < must:
                 faults.append(f"{name}: {len(kept)} rows, {must} had been written")

@@ -3,9 +3,9 @@
     python benchmarks/fuzz.py --inputs 100000 --readers network camera
     python benchmarks/fuzz.py --engine atheris --inputs 100000 --readers network    # pip install -e .[fuzz]
 
-`mutate` makes inputs from valid ones: bytes, numbers, words and lines changed, doubled, moved, cut. The same
-seed gives the same inputs. `atheris` is guided by coverage; the project's own modules are instrumented. A
-finding is written to OUT/findings and printed; the status is 1 where there is one.
+`mutate` makes inputs from valid ones: bytes, numbers, words and lines are changed, duplicated, moved or cut.
+The same seed gives the same inputs. `atheris` is guided by coverage; the project's own modules are
+instrumented. Findings are written to OUT/findings and printed; exit status 1 if there are any.
 """
 
 import argparse
@@ -31,7 +31,7 @@ _TOKEN = re.compile(rb"[A-Za-z_][\w.]*|-?\d+\.?\d*(?:e-?\d+)?|\s+|.", re.DOTALL)
 
 
 def mutated(draw: np.random.Generator, seeds: tuple[bytes, ...], words: tuple[bytes, ...]) -> bytes:
-    """One input: a valid one with one to six changes, half of them with one: more would rarely get far."""
+    """A valid input with one to six changes; half have one, since more are mostly rejected early."""
     content = seeds[int(draw.integers(len(seeds)))]
     for _ in range(min(int(draw.geometric(0.5)), 6)):
         content = _CHANGES[int(draw.integers(len(_CHANGES)))](draw, content, words)
@@ -91,7 +91,7 @@ _CHANGES = (_bytes, _token, _token, _number, _number, _lines, _cut, _insert)
 
 
 def inputs(reader: "Reader", seed: int) -> Iterator[bytes]:
-    """Inputs without end; the same for the same reader and seed. Four of five have right check sums."""
+    """Endless inputs, the same for the same reader and seed. Four of five have correct checksums."""
     draw = np.random.default_rng([seed, *reader.name.encode()])
     yield from reader.seeds
     while True:
@@ -100,9 +100,9 @@ def inputs(reader: "Reader", seed: int) -> Iterator[bytes]:
 
 
 def fuzz(name: str, count: int, seed: int, out: Path, most_s: float) -> dict[str, object]:
-    """Hand a reader `count` inputs, or as many as `most_s` allows; findings go to `out`."""
+    """Give a reader `count` inputs, or as many as `most_s` allows; findings go to `out`."""
     from benchmarks.fuzz_readers import attempt, with_media
-    from sumo_net.start_up import standard_error  # decoders say much there
+    from sumo_net.start_up import standard_error  # decoders write to it
 
     with tempfile.TemporaryDirectory(prefix="sumo-adas-fuzz-") as work, standard_error():
         folder = Path(work)
@@ -133,7 +133,7 @@ def fuzz(name: str, count: int, seed: int, out: Path, most_s: float) -> dict[str
 
 
 def guided(name: str, count: int, seed: int, out: Path, most_s: float) -> dict[str, object]:
-    """The same with atheris, in a process of its own: libFuzzer ends the process that it runs in."""
+    """The same with atheris, in a separate process, which libFuzzer ends."""
     out.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
     command = [
@@ -190,7 +190,7 @@ def _child(name: str, out: Path, count: int, seed: int, most_s: float) -> None:
 
 
 def main() -> None:
-    """Fuzz the readers named, print a line each, write the counts."""
+    """Fuzz the named readers, print one line each, write the counts."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--inputs", type=int, default=100_000, help="for each reader")
     parser.add_argument("--seed", type=int, default=1)

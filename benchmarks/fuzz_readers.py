@@ -1,7 +1,7 @@
-"""Every reader of what a user hands in, as something that takes bytes: what the fuzzers and the tests call.
+"""Every reader of user input as a function of bytes, for the fuzzers and the tests.
 
-The contract: a reader either takes its input or raises one of its own errors, whose message a user can read.
-Anything else that it raises, or more time than `limit_s`, is a finding.
+A reader must either accept its input or raise one of its own errors, with a message that a user can read. Any
+other error, or more time than `limit_s`, is a finding.
 """
 
 import contextlib
@@ -21,21 +21,21 @@ REFUSALS = (SettingsError, NetworkError, LogError, FootageError)
 
 
 class Reader(NamedTuple):
-    """How bytes become a file that is read."""
+    """A reader, and how to make inputs for it."""
 
     name: str
     suffix: str
     read: Callable[[Path], object]
-    seeds: tuple[bytes, ...]  # inputs that are taken, from which others are made
-    words: tuple[bytes, ...]  # of its language: keys, values that hurt
+    seeds: tuple[bytes, ...]  # valid inputs, from which others are made
+    words: tuple[bytes, ...]  # of its language: keys, difficult values
     limit_s: float = 5.0  # of process time
-    mended: Callable[[bytes], bytes] = bytes  # with the check sums that belong to it
+    mended: Callable[[bytes], bytes] = bytes  # corrects the checksums
 
 
 class Outcome(NamedTuple):
-    """What a reader did with an input."""
+    """Result of a reader for one input."""
 
-    finding: str  # '' where all is well
+    finding: str  # '' if there is none
     taken: bool
 
 
@@ -60,14 +60,14 @@ def attempt(reader: Reader, content: bytes, folder: Path) -> Outcome:
 
 
 def _write(file: Path, content: bytes) -> None:
-    """A new file: some file systems write one that is cut to nothing and filled again to the disk at once."""
+    """Write a new file: some file systems write a truncated and refilled one to disk at once."""
     file.unlink(missing_ok=True)
     file.write_bytes(content)
 
 
 def _unreadable(message: str) -> str:
     if not message.strip():
-        return "refused without a word"
+        return "refused without a message"
     if any(not (letter.isprintable() or letter == "\n") for letter in message):
         return f"a message with control characters: {message[:300]!r}"
     if len(message) > 20_000:
@@ -119,7 +119,7 @@ def _log(name: str) -> Callable[[Path], object]:
 
 
 def _comma(file: Path) -> object:
-    """Three tables in one input, parted by a line of its own."""
+    """Three tables in one input, separated by a line `---`."""
     from analysis.radar_formats import load
 
     for name, part in zip(("radar", "speed", "gyro"), file.read_bytes().split(b"\n---\n"), strict=False):
@@ -287,7 +287,7 @@ READERS: dict[str, Reader] = {
     reader.name: reader
     for reader in (
         Reader("scenario", ".toml", _scenario, (_SCENARIO,), (*_TOML, *_NUMBERS, *_TEXTS)),
-        # 100,000 runs are legal, and each of them is checked: half a millisecond
+        # 100,000 runs are allowed, and checking each takes half a millisecond
         Reader("campaign", ".toml", _campaign, (_CAMPAIGN,), (*_TOML, *_NUMBERS, *_TEXTS), limit_s=60.0),
         Reader("camera", ".toml", _camera, (_CAMERA,), (*_TOML, *_NUMBERS, *_TEXTS)),
         Reader("expect", ".scenario.toml", _expectations, (_EXPECT,), (*_TOML, *_NUMBERS, *_TEXTS)),
@@ -310,7 +310,7 @@ def pictures(suffix: str) -> bytes:
 
 
 def png_mended(content: bytes) -> bytes:
-    """A PNG with the check sums that a decoder wants, as far as its chunks can be followed."""
+    """A PNG with correct checksums, as far as its chunks can be parsed."""
     out, at = bytearray(content), 8
     while at + 12 <= len(out):
         end = at + 8 + int.from_bytes(out[at : at + 4], "big")
@@ -336,7 +336,7 @@ def film(folder: Path) -> bytes:
 
 
 def with_media(folder: Path) -> dict[str, Reader]:
-    """READERS, the protocol's own files, and the pictures and videos, whose seeds have to be made first."""
+    """READERS, the protocol files, and the pictures and videos, whose seeds must be made first."""
     from analysis.protocol import definition
 
     own = [

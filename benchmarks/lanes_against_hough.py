@@ -1,14 +1,14 @@
-"""Lane detection against an OpenCV pipeline of Canny and HoughLinesP, on the same rendered frames.
+"""Lane detection compared with an OpenCV pipeline of Canny and HoughLinesP, on the same rendered frames.
 
     python benchmarks/lanes_against_hough.py [--duration 10] [--out out/bench/lanes.json]
 
 Equipped vehicles drive through traffic on the scenarios `straight` and `highway`, clear and complex. Each
-frame is looked at by the published search, by the refined chain (both carry their state from frame to frame)
-and by the OpenCV pipeline, and judged alike: both borders within 5 px / cos θ on 85 % of the rows where the
-marking shows. Timed is processor time a frame on one thread, SUMO and rendering not counted. The pipeline:
-blur, Canny, probabilistic Hough below the horizon, segments sorted into borders by slope and foot, a straight
-line through each border weighted by length, the last frame's border kept where none is found. Its numbers
-were set once and not tuned.
+frame is processed by the published search, by the refined chain (both keep state between frames) and by the
+OpenCV pipeline, with the same criterion: both borders within 5 px / cos θ on 85 % of the rows where the
+marking is visible. Measured is processor time per frame on one thread, without SUMO and rendering. The
+pipeline: blur, Canny, probabilistic Hough below the horizon, segments assigned to borders by slope and foot,
+a straight line through each border weighted by length, the last frame's border if none is found. Its
+parameters were set once and not tuned.
 """
 
 import argparse
@@ -87,7 +87,7 @@ def drive(scenario: str, condition: str, duration_s: float, seed: int) -> dict[s
     start = vision.Vision._start
 
     def starting(self: Any, *arguments: Any) -> Any:
-        inside["search"] = "refined"  # a search that starts the refined chain is its cost
+        inside["search"] = "refined"  # a search that starts the refined chain counts as its cost
         try:
             return start(self, *arguments)
         finally:
@@ -135,7 +135,7 @@ def main() -> None:
     options = parser.parse_args()
     cv2.setNumThreads(1)
     rows = []
-    context = multiprocessing.get_context("spawn")  # one SUMO a process
+    context = multiprocessing.get_context("spawn")  # one SUMO per process
     for scenario, condition in CASES:
         with ProcessPoolExecutor(1, context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
             drive_arguments = (scenario, condition, options.duration, options.seed)

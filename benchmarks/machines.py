@@ -1,14 +1,14 @@
-"""How far a run on another processor differs: one scenario, this machine's arithmetic and a plain one's.
+"""Differences of a run on another processor: one scenario with this machine's and with basic arithmetic.
 
     python benchmarks/machines.py [--scenario curves] [--duration 30] [--seeds 5] [--equip 0.1]
 
-The other machine is this one with every library held to what all 64-bit x86 processors have: no fused
-multiply-adds, no AVX, in numba's kernels, numpy, BLAS, OpenCV and glibc's mathematical functions. SUMO is the
-same program in both, but it gets the lateral positions back.
+The other machine is this one with every library restricted to the instructions of all 64-bit x86 processors:
+no fused multiply-adds, no AVX, in numba's kernels, numpy, BLAS, OpenCV and glibc's mathematical functions.
+SUMO is the same program in both, but depends on the lateral positions written to it.
 
-Printed: for columns of `steps` the largest difference between the machines in the first 1 s, 5 s and in all;
-for figures of the summary both machines' means over the seeds, and the standard deviation over the seeds,
-which is what to hold the difference against.
+Printed: for columns of `steps` the largest difference between the machines in the first 1 s, 5 s and overall;
+for figures of the summary both machines' means over the seeds, and for comparison with their difference the
+standard deviation over the seeds.
 """
 
 import argparse
@@ -37,7 +37,7 @@ FIGURES = (
 
 
 def run(out: str, scenario: str, duration_s: str, equip: str, seeds: str) -> None:
-    """All seeds of one machine, each into a folder of `out`."""
+    """Run all seeds of one machine, each into a folder of `out`."""
     from analysis.simulate import simulate
 
     for seed in range(1, int(seeds) + 1):

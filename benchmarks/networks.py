@@ -1,11 +1,11 @@
-"""Runs on networks of many shapes: does one break, is anything not known without saying so?
+"""Runs on networks of many shapes: does one fail, is an unknown value reported as known?
 
     python benchmarks/networks.py [--duration 30] [--networks grid tracks] [--configuration mine.sumocfg]
 
-A row a network: equipped vehicles (20 % of the cars, and every bus, lorry, motorcycle, bicycle and tram),
-how often those that moved saw the lane where markings were beside them and where none were, how often its
-lines were right or wrong where a marking showed in the picture, warnings where there was none beside, how far
-from its lane a vehicle came at most. Exit status 1 where a run broke or a rule of `faults` did not hold.
+One row per network: equipped vehicles (20 % of the cars, and every bus, lorry, motorcycle, bicycle and tram);
+how often moving ones saw the lane with and without markings beside them; how often its borders were right or
+wrong where a marking was visible in the image; warnings without markings; the largest distance of a vehicle
+from its lane. Exit status 1 if a run failed or a rule of `faults` was violated.
 """
 
 import argparse
@@ -33,7 +33,7 @@ SEEN = ("lateral_offset_m", "heading_error_rad", "curvature_1pm", "lane_width_m"
 
 
 def faults(steps: pd.DataFrame) -> list[str]:
-    """Which rules about what is known, and what is not, a table of steps breaks."""
+    """Violations in a table of steps of the rules on known and unknown values."""
     found = []
     for name in ALWAYS:
         if steps[name].isna().any():
@@ -46,7 +46,7 @@ def faults(steps: pd.DataFrame) -> list[str]:
         differs = int((steps[name].notna() != locked).sum())
         if differs:
             found.append(f"{name} is there without the lane, or the other way round, in {differs} rows")
-    for name in ("left_c", "right_c"):  # a border may run beside the picture
+    for name in ("left_c", "right_c"):  # a border may be outside the image
         ghosts = int((steps[name].notna() & ~locked).sum())
         if ghosts:
             found.append(f"{name} is there without the lane in {ghosts} rows")
@@ -60,7 +60,7 @@ def faults(steps: pd.DataFrame) -> list[str]:
 
 
 def row(name: str, out: Path, cpu_s: float) -> dict[str, object]:
-    """Figures of a run's tables."""
+    """One row of figures from a run's tables."""
     steps = pd.read_csv(out / "steps.csv", low_memory=False)
     moving = steps[steps["speed_mps"] > 3.0]
     marked = moving["on_marked_road"].astype(bool)

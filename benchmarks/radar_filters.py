@@ -1,11 +1,10 @@
-"""The 400-run IMM experiment: this project's batched filters against filterpy's and Stone Soup's objects.
+"""The 400-run IMM experiment: this project's batched filters, and filterpy's and Stone Soup's objects.
 
     python benchmarks/radar_filters.py [--runs 400] [--object-runs 10] [--out out/bench/filters.json]
 
-The objects run on fewer Monte-Carlo runs (their cost is proportional to them). All do the same filters,
-models, noise and scans, and their estimates are compared. A track-step is a prediction and an update.
-Stone Soup takes part with its Kalman filter alone. Processor time, medians of three.
-Packages: `pip install -e '.[bench]'`.
+The objects do fewer Monte-Carlo runs (their cost is proportional). All use the same filters, models, noise
+and scans, and their estimates are compared. A track-step is a prediction and an update. Of Stone Soup only
+the Kalman filter is compared. Processor time, medians of three. Packages: `pip install -e '.[bench]'`.
 """
 
 import argparse
@@ -33,7 +32,7 @@ REPEATS = 3
 
 
 def model(experiment: ImmExperiment, kinds: tuple[str, ...]) -> tuple[np.ndarray, ...]:
-    """F, Q (r, 6, 6), R (3, 3) and the P that the filters start with."""
+    """F, Q (r, 6, 6), R (3, 3) and the filters' initial P."""
     F, Q = polar_models(kinds, experiment.motion).transition(np.array([experiment.step_s]))
     R, P = experiment.noise.covariance, np.zeros((6, 6))
     P[np.ix_([0, 1, 3], [0, 1, 3])] = R
@@ -43,7 +42,7 @@ def model(experiment: ImmExperiment, kinds: tuple[str, ...]) -> tuple[np.ndarray
 
 
 def filterpy_run(experiment: ImmExperiment, kinds: tuple[str, ...], z: np.ndarray) -> np.ndarray:
-    """The same as `run` with filterpy objects, one Monte-Carlo run after the other; (steps, runs, 6)."""
+    """As `run`, with filterpy objects, one Monte-Carlo run after the other; (steps, runs, 6)."""
     F, Q, R, P = model(experiment, kinds)
     markov = np.array([[experiment.stay, 1 - experiment.stay], [1 - experiment.stay, experiment.stay]])
     out = np.empty((*z.shape[:2], 6))
@@ -64,7 +63,7 @@ def filterpy_run(experiment: ImmExperiment, kinds: tuple[str, ...], z: np.ndarra
 
 
 def stonesoup_run(experiment: ImmExperiment, kinds: tuple[str, ...], z: np.ndarray) -> np.ndarray:
-    """The same with Stone Soup's Kalman predictor and updater; (steps, runs, 6)."""
+    """As `run`, with Stone Soup's Kalman predictor and updater; (steps, runs, 6)."""
     F, Q, R, P = model(experiment, kinds)
     transition = LinearGaussianTimeInvariantTransitionModel(transition_matrix=F[0], covariance_matrix=Q[0])
     measurement = LinearGaussian(ndim_state=6, mapping=(0, 1, 3), noise_covar=R)

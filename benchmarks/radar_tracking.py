@@ -1,10 +1,10 @@
-"""Time of the tracker's step per vehicle, with 20 objects in view and clutter, filter by filter.
+"""Time of the tracker's step per vehicle, with 20 objects in view and clutter, for each filter.
 
     python benchmarks/radar_tracking.py [--vehicles 100] [--steps 40]
 
-Objects keep their place relative to the vehicle on average (a queue of traffic), so that all stay in view.
-The target of the whole radar chain is 0.15 ms a vehicle and step on one core. "closing" is what two leaders
-in path of each vehicle cost beside the tracks, "rear view" the look at one of them in a frame.
+Objects keep their mean position relative to the vehicle (a queue of traffic), so that all stay in view. The
+target for the whole radar chain is 0.15 ms per vehicle and step on one core. "closing" is the additional cost
+of two leaders in path of each vehicle, "rear view" that of measuring one of them in a frame.
 """
 
 import argparse
@@ -57,21 +57,21 @@ def main() -> None:
         for k, detections in enumerate(drive):
             begin = time.process_time()
             state, listed = tracker.step(state, detections, ego, 0.1)
-            if k >= 10:  # compiled, and all tracks confirmed
+            if k >= 10:  # by now compiled, and all tracks confirmed
                 spent.append(time.process_time() - begin)
                 tracks += len(listed.owner)
         micro = 1e6 * np.array(spent) / n
         each = tracks / len(spent) / n
         print(
-            f"{name:9} {np.median(micro):6.1f} us a vehicle-step (best {micro.min():.1f}), "
-            f"{each:.1f} tracks a vehicle, {micro.min() / each:.2f} us a track"
+            f"{name:9} {np.median(micro):6.1f} us per vehicle-step (best {micro.min():.1f}), "
+            f"{each:.1f} tracks per vehicle, {micro.min() / each:.2f} us per track"
         )
     closing(n, drive, ego)
     rear_view(n)
 
 
 def closing(n: int, drive: list[Detections], ego: EgoMotion) -> None:
-    """Time of following two leaders a vehicle."""
+    """Time of following two leaders per vehicle."""
     tracker, spent = Tracker(TrackerSettings()), []
     follower = ClosingFilter(Closing(), RadarNoise(), 0.0, projection(Camera()))
     state, leaders = tracker.init(n), follower.init()
@@ -85,13 +85,13 @@ def closing(n: int, drive: list[Detections], ego: EgoMotion) -> None:
             spent.append(time.process_time() - begin)
     micro = 1e6 * np.array(spent) / n
     print(
-        f"closing   {np.median(micro):6.1f} us a vehicle-step (best {micro.min():.1f}), "
-        f"{len(leaders.owner) / n:.1f} leaders a vehicle"
+        f"closing   {np.median(micro):6.1f} us per vehicle-step (best {micro.min():.1f}), "
+        f"{len(leaders.owner) / n:.1f} leaders per vehicle"
     )
 
 
 def rear_view(n: int) -> None:
-    """Time of looking at a dark strip, 1.8 m wide, on a grey road."""
+    """Time of measuring a dark strip, 1.8 m wide, on a grey road."""
     p, x, spent = projection(Camera()), np.linspace(9.0, 40.0, n), []
     frames = np.random.default_rng(2).integers(95, 105, (n, 240, 320)).astype(np.uint8)
     for frame, one in zip(frames, x.tolist(), strict=True):
@@ -106,7 +106,7 @@ def rear_view(n: int) -> None:
         spent.append(time.process_time() - begin)
     micro = 1e6 * np.array(spent[2:]) / n
     print(
-        f"rear view {np.median(micro):6.1f} us a vehicle-step (best {micro.min():.1f}), "
+        f"rear view {np.median(micro):6.1f} us per vehicle-step (best {micro.min():.1f}), "
         f"{np.mean(seen.track_id >= 0):.0%} seen"
     )
 

@@ -1,15 +1,14 @@
-"""The road camera against OpenCV drawing the same scene, by polygons and by warping a bird's-eye view.
+"""The road camera compared with OpenCV drawing the same scene, by polygons and by warping a bird's-eye view.
 
     python benchmarks/rendering_against_opencv.py [--roads 16] [--out out/bench/rendering.json]
 
 Straights and bends with solid and dashed lines, in flat greys with sensor noise: asphalt, verge, sky, paint.
 `polygons` projects the outlines with cv2.projectPoints and fills them with anti-aliased cv2.fillPoly; `warp`
-fills a map of the road from above (5 x 20 cm) and carries it into the image with cv2.warpPerspective. Noise
-is cv2.randn's. Timed is processor time a frame of the 150 rows that lane detection reads. Agreement: the
-centroid of the solid lines in every row, without noise, against where the true line is
-(camera_synth.truth), and this renderer against the polygons, which know nothing of its geometry. The full
-day `clear` (texture, wheel tracks, haze, vignetting, drifting exposure), which OpenCV does not draw here, is
-timed beside.
+draws a map of the road from above (5 x 20 cm) and maps it into the image with cv2.warpPerspective. Noise is
+from cv2.randn. Measured is processor time per frame of the 150 rows that lane detection reads. Accuracy: the
+centroid of the solid lines in every row, without noise, compared with the true line (camera_synth.truth), and
+this renderer compared with the polygons, which are independent of its geometry. The full preset `clear`
+(texture, wheel tracks, haze, vignetting, drifting exposure), which OpenCV does not draw here, is also timed.
 """
 
 import argparse
@@ -39,7 +38,7 @@ REACH_M, HALF_WIDTH_M = (6.0, 120.0), 14.0
 
 
 def roads(count: int) -> RoadAhead:
-    """Bends from R -500 to 500 m, vehicles at other places in their lane."""
+    """Bends from R -500 to 500 m, with vehicles at different positions in their lane."""
     curvature = np.linspace(-2e-3, 2e-3, count)
     offset = 0.4 * np.sin(2.0 * np.arange(count))
     return road_ahead(curvature, 0.0, offset, 0.01 * np.cos(np.arange(count)), 1000.0, kinds=KINDS)
@@ -153,7 +152,7 @@ class OpenCv:
         return self.noised(frame, noisy)
 
     def noised(self, frame: np.ndarray, noisy: bool) -> np.ndarray:
-        """With sensor noise of NOISE_GREY."""
+        """The frame with sensor noise of NOISE_GREY, if `noisy`."""
         if not noisy:
             return frame
         cv2.randn(self.noise, 0, NOISE_GREY)
@@ -161,7 +160,7 @@ class OpenCv:
 
 
 def centroids(frames: np.ndarray, column: np.ndarray, condition: Condition) -> np.ndarray:
-    """(n, 2, 150) columns of the lines next to the vehicle: centroid of what is brighter than asphalt."""
+    """(n, 2, 150) columns of the lines next to the vehicle: centroid of pixels brighter than asphalt."""
     found = np.full(column.shape, np.nan)
     horizon = CAMERA.horizon_y_px
     for i, side, y in np.ndindex(*column.shape):
@@ -183,7 +182,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--roads", type=int, default=16)
     parser.add_argument("--out", type=Path, default=Path("out/bench/rendering.json"))
-    parser.add_argument("--picture", type=Path, help="write the three ways to draw road 0 beside each other")
+    parser.add_argument("--picture", type=Path, help="write the three renderings of road 0 side by side")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     road, n = roads(options.roads), options.roads

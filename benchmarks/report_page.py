@@ -1,12 +1,11 @@
-"""How large the report page of a run is, how soon a browser has opened it, how soon its slider answers.
+"""Size of a run's report page, time to open it in a browser, and response time of its slider.
 
     python benchmarks/report_page.py --out out/report_page            # 120 s, at least 20 equipped vehicles
     python benchmarks/report_page.py --run out/demo --out out/report_page
 
-Every opening is in a chromium of its own, started and warmed up with an empty page before. `load` is the
-browser's load event (all of the page but map and timeline is drawn and answers), `plots` when these two are
-drawn as well; both in wall time, which other work on the machine lengthens, so the processor time that the
-page cost the browser's processes stands beside them.
+Each time the page is opened in a new Chromium, started and warmed up with an empty page. `load` is the
+browser's load event (all but map and timeline is drawn and responsive), `plots` when these two are drawn too;
+both are wall-clock times, which other load lengthens, so the browser's processor time is given as well.
 """
 
 import argparse
@@ -31,7 +30,7 @@ WANTED = {"size_mb": 15.0, "load_ms": 2000.0, "plots_ms": 2000.0, "slider_ms": 1
 
 
 def measure(page: Path) -> dict[str, Any]:
-    """One opening in a fresh browser."""
+    """Open the page once in a new browser."""
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work, chromium.browser(Path(work)) as driver:
         empty = Path(work) / "empty.html"
         empty.write_text("<!DOCTYPE html><title>empty</title><p>warmed up", encoding="utf-8")
@@ -73,18 +72,18 @@ def measure(page: Path) -> dict[str, Any]:
 
 
 def _cpu_s(driver: Any) -> float:
-    """Processor time so far of all the browser's processes."""
+    """Processor time so far of all browser processes."""
     root = psutil.Process(driver.service.process.pid)
     return sum(sum(one.cpu_times()[:2]) for one in root.children(recursive=True))
 
 
 def main() -> None:
-    """Print the figures beside what is wanted, and write them as JSON."""
+    """Print the figures and their targets, and write them as JSON."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, default=Path("out/report_page"))
-    parser.add_argument("--run", type=Path, help="a run that is there; else one is made")
+    parser.add_argument("--run", type=Path, help="an existing run; else one is made")
     parser.add_argument("--openings", type=int, default=3)
     given = parser.parse_args()
     reason = chromium.why_not()

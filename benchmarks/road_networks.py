@@ -1,8 +1,8 @@
 """Networks of many shapes, made with netgenerate and netconvert, with traffic of all classes on them.
 
-What a user's network may hold that the built-in highway does not: junctions, roundabouts, ramps, lanes that
-end, odd widths, traffic that keeps left, geographic projection, tracks, pavements, hairpins, lanes of
-centimetres.
+Features that a user's network may have and the built-in highway does not: junctions, roundabouts, ramps,
+lanes that end, unusual widths, left-hand traffic, geographic projection, tracks, pavements, hairpins, lanes
+of a few centimetres.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy as np
 
 from sumo_net import lane_graph
 
-CLASSES = {  # share of the trips by SUMO's class
+CLASSES = {  # share of trips by SUMO's vehicle class
     "passenger": 0.5,
     "truck": 0.08,
     "bus": 0.08,
@@ -26,11 +26,11 @@ CLASSES = {  # share of the trips by SUMO's class
     "tram": 0.05,
     "moped": 0.04,
 }
-ASKING = ("bus", "truck", "motorcycle", "bicycle", "tram")  # types that want to be equipped though not cars
+ASKING = ("bus", "truck", "motorcycle", "bicycle", "tram")  # types other than cars that request equipment
 
 
 def netgenerate(*words: str) -> Callable[[Path], None]:
-    """A maker of a network that netgenerate knows."""
+    """A function that makes a network with netgenerate."""
 
     def make(file: Path) -> None:
         _run("netgenerate", *words, "--seed", "7", "-o", str(file))
@@ -39,7 +39,7 @@ def netgenerate(*words: str) -> Callable[[Path], None]:
 
 
 def netconvert(nodes: Sequence[str], edges: Sequence[str], *words: str) -> Callable[[Path], None]:
-    """A maker of a network from plain nodes and edges."""
+    """A function that makes a network from plain nodes and edges."""
 
     def make(file: Path) -> None:
         for kind, lines in (("node", nodes), ("edge", edges)):
@@ -188,9 +188,9 @@ NETWORKS: dict[str, Callable[[Path], None]] = {
 
 
 def write_traffic(net_file: Path, routes: Path, duration_s: float, trips: int = 60, seed: int = 1) -> None:
-    """Trips of all classes between random edges, stops beside and on the road, jumps, and people.
+    """Trips of all classes between random edges, stops beside and on the road, jumps, and persons.
 
-    SUMO routes the trips itself; what it finds no way for is left out (`--ignore-route-errors`).
+    SUMO computes the routes; trips without a route are left out (`--ignore-route-errors`).
     """
     graph = lane_graph.read(net_file)
     draw = np.random.default_rng(seed)
@@ -221,7 +221,7 @@ def write_traffic(net_file: Path, routes: Path, duration_s: float, trips: int = 
 
 
 def write_scenario(name: str, directory: Path, duration_s: float = 30.0, trips: int = 60) -> Path:
-    """Make the network `name` and its traffic in `directory`; gives the .sumocfg. Jams end in teleports."""
+    """Make the network `name` and its traffic in `directory`; returns the .sumocfg. Jams end in teleports."""
     directory.mkdir(parents=True, exist_ok=True)
     net_file, routes = directory / f"{name}.net.xml", directory / f"{name}.rou.xml"
     NETWORKS[name](net_file)

@@ -1,13 +1,13 @@
-"""The published genetic search against scipy's differential evolution and PyGAD, on the same objective.
+"""The published genetic search compared with scipy's differential evolution and PyGAD on one objective.
 
     python benchmarks/search_against_others.py [--frames 4] [--seeds 2] [--out out/bench/search.json]
 
-One problem is one border of one rendered frame, searched in the first frame's region. All three look up the
-same block maps by the same compiled objective; the others get it batched over a population of 50, their
-quickest way. Timed is the processor time until 60, 75 and 90 % of the best known value are reached (known
-from a long run of differential evolution beforehand); a run that ends without it is begun anew with other
-draws, and its time counts. The published coding has steps of 0.8e-4, 0.008 and 1 px, so that its grid's own
-best lies below the continuous one. Packages: `pip install -e '.[bench]'`.
+One problem is one border of one rendered frame, searched in the first frame's region. All three use the same
+block maps and the same compiled objective; the others call it for a population of 50 at once, their fastest
+way. Measured is the processor time until 60, 75 and 90 % of the best known value are reached (from a long run
+of differential evolution beforehand); a run that ends before is restarted with other draws, and its time
+counts. The published coding has steps of 0.8e-4, 0.008 and 1 px, so that the best value on its grid is below
+the continuous one. Packages: `pip install -e '.[bench]'`.
 """
 
 import argparse
@@ -60,8 +60,8 @@ class Problem(NamedTuple):
         return 1.0 if self.side == 0 else -1.0
 
 
-class Over(Exception):  # noqa: N818 - it is how a race ends, no error
-    """Thrown out of an optimiser once the values are there, or the budget is spent."""
+class Over(Exception):  # noqa: N818 - ends a race, not an error
+    """Raised inside an optimiser when all targets are reached or the budget is spent."""
 
 
 @kernel
@@ -81,7 +81,7 @@ def values_of(maps, roads, sign, candidates, blocks, minimum_blocks, out):  # ty
 
 
 def problems(count: int) -> list[Problem]:
-    """Both borders of `count` frames, half of them clear, half complex."""
+    """Both borders of `count` frames, half clear, half complex."""
     made = []
     for condition in ("clear", "complex"):
         n = (count + 1) // 2
@@ -108,7 +108,7 @@ def value(problem: Problem, candidates: np.ndarray) -> np.ndarray:
 
 
 def best_known(problem: Problem) -> float:
-    """Of a long differential evolution with a large population."""
+    """Best value of a long differential evolution with a large population."""
     found = differential_evolution(
         lambda x: -value(problem, x.T),
         list(zip(problem.low, problem.high, strict=True)),
@@ -124,7 +124,7 @@ def best_known(problem: Problem) -> float:
 
 
 class Race:
-    """When each of TARGETS was first reached, in processor time since the start, and where."""
+    """Processor time from the start until each of TARGETS was first reached, and the border there."""
 
     def __init__(self, problem: Problem, best: float) -> None:
         self.problem, self.targets = problem, [share * best for share in TARGETS]
@@ -133,7 +133,7 @@ class Race:
         self._begin = time.process_time()
 
     def note(self, best: float, border: np.ndarray, at: float | None = None) -> None:
-        """A value that has been found, now or `at` seconds from the start. Raises Over where all is done."""
+        """Record a value found now or `at` seconds after the start. Raises Over when the race is finished."""
         now = time.process_time() - self._begin if at is None else at
         for k, target in enumerate(self.targets):
             if best >= target and not np.isfinite(self.seconds[k]):
@@ -142,7 +142,7 @@ class Race:
             raise Over
 
     def fitness(self, candidates: np.ndarray) -> np.ndarray:
-        """F of candidates (m, 3), noted."""
+        """F of candidates (m, 3), recorded."""
         values = value(self.problem, candidates)
         best = int(values.argmax())
         self.note(float(values[best]), candidates[best])
@@ -150,7 +150,7 @@ class Race:
 
 
 def ours(race: Race, seed: int) -> None:
-    """The published search, begun anew until the budget is spent."""
+    """The published search, restarted until the budget is spent."""
     p, best = race.problem, np.empty(3)
     widths, key = NUMBERS.bits[p.side, 0], stream_key(seed, "search", "bench")
 
@@ -165,7 +165,7 @@ def ours(race: Race, seed: int) -> None:
         for target, known in zip(race.targets, race.seconds, strict=True):
             there = np.flatnonzero(history >= target)
             if len(there) and not np.isfinite(known):
-                # the same draws again, ended in the generation that reached it
+                # the same draws again, up to the generation that reached it
                 part, reached = cpu_seconds(lambda r=restart, g=int(there[0]): run(g, r, _NONE), 3)
                 race.note(reached, best, before + part)
         before += whole
@@ -173,7 +173,7 @@ def ours(race: Race, seed: int) -> None:
 
 
 def scipys(race: Race, seed: int) -> None:
-    """scipy's differential evolution, begun anew where it has converged."""
+    """scipy's differential evolution, restarted when it has converged."""
     bounds = list(zip(race.problem.low, race.problem.high, strict=True))
     for restart in range(1_000_000):
         differential_evolution(
@@ -198,7 +198,7 @@ def pygads(race: Race, seed: int) -> None:
         {"low": low, "high": high} for low, high in zip(race.problem.low, race.problem.high, strict=True)
     ]
     logger = logging.getLogger("pygad-bench")
-    logger.addHandler(logging.NullHandler())  # it prints the exception that ends it
+    logger.addHandler(logging.NullHandler())  # PyGAD logs the exception that ends it
     logger.propagate = False
     for restart in range(1_000_000):
         pygad.GA(
@@ -223,7 +223,7 @@ METHODS = {"this project": ours, "scipy differential evolution": scipys, "PyGAD"
 
 
 def race(name: str, problem: Problem, best: float, seed: int) -> list[float]:
-    """Seconds until each of TARGETS; the public objective must agree that the value is there."""
+    """Seconds until each of TARGETS; the public objective must confirm the value."""
     one = Race(problem, best)
     with contextlib.suppress(Over):
         METHODS[name](one, seed)

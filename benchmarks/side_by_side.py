@@ -1,4 +1,4 @@
-"""What the comparisons with other software share: processor time, and one table, printed and as JSON."""
+"""Common parts of the comparisons with other software: processor time, and a table, printed and as JSON."""
 
 import json
 import os

@@ -1,15 +1,15 @@
-"""Soak: a long run with arrivals and departures throughout; memory, and the sizes of all state, as it goes.
+"""Soak test: a long run with arrivals and departures throughout; follows memory and the sizes of all state.
 
     python benchmarks/soak.py [--duration 3600] [--equip 0.36] [--flow 450] [--out out/soak]
 
-The road is full from the start, and the flow is a quarter of what its lanes carry, so no queue builds up: the
-fleet is at its steady size, about 50, all the time, and a vehicle stays for about three minutes.
+The road is full from the start, and the flow is a quarter of the lanes' capacity, so no queue builds up: the
+fleet keeps its steady size of about 50, and a vehicle stays for about three minutes.
 
-Every 30 s simulated a row goes to OUT/soak.csv (so an interrupted soak leaves what it has): resident
-memory, vehicles, processor time, and the entries in the containers of the assistance and the traffic. At the
-end, or at Ctrl-C: the slope of memory after the first quarter, as it is and beside the fleet's peak so far
-(`slope`), and every container that grew throughout. Exit status 1 where memory beside the peak rises by more
-than 5 MB an hour beyond twice its standard error, or is above 1 GB, or a container grew that is not in KNOWN.
+Every 30 s simulated a row is written to OUT/soak.csv, also kept if interrupted: resident memory, vehicles,
+processor time, and the entries in the containers of the assistance and the traffic. At the end, or at Ctrl-C:
+the slope of memory after the first quarter, as measured and corrected for the fleet's peak so far (`slope`),
+and every container that grew throughout. Exit status 1 if the corrected memory rises by more than 5 MB per
+hour beyond twice its standard error, or is above 1 GB, or a container grew that is not in KNOWN.
 """
 
 import argparse
@@ -29,8 +29,8 @@ OURS = ("sumo_net", "plugin", "camera_synth", "radar_synth")
 EVERY_STEPS = 300
 MOST_MB, MOST_MB_PER_H = 1000.0, 5.0
 WARM_UP = 0.25  # of the samples
-# What may grow with the vehicles ever seen: arrays by handle (together under 100 bytes a vehicle), the roads
-# that a network has, and the draws' keys.
+# May grow with the number of vehicles ever seen: arrays by handle (together under 100 bytes per vehicle), the
+# network's roads, and keys of random draws.
 KNOWN = (
     "_equipped", "_bodies", "_lane", "_left", "_from_m", "_row", "_keys", "_store", "_by_lanes", "_by_route",
     "_errors", "_chains", "_lanes", "_ahead", "_number", "_sections", "table",
@@ -38,7 +38,7 @@ KNOWN = (
 
 
 def sizes(root: Any, name: str) -> dict[str, int]:
-    """Entries of every dict, list, set, deque and array that objects of this project reach, by path."""
+    """Entries of every dict, list, set, deque and array reachable from this project's objects, by path."""
     found: dict[str, int] = {}
     seen: set[int] = set()
     waiting: list[tuple[str, Any]] = [(name, root)]
@@ -73,10 +73,10 @@ def _attributes(one: Any) -> Iterator[tuple[str, Any]]:
 
 
 def slope(hours: np.ndarray, values: np.ndarray, *beside: np.ndarray) -> tuple[float, float]:
-    """Of `values` a simulated hour by least squares, and its standard error.
+    """Slope of `values` per simulated hour by least squares, and its standard error.
 
-    `beside`: (N,) each, what also moves the values, such as the largest fleet so far: its share is taken out.
-    A column that does not change, or only with another, takes nothing.
+    `beside`: (N,) each, further regressors such as the largest fleet so far, whose effect is removed. A
+    column that is constant or collinear with others has no effect.
     """
     x = hours - hours.mean()
     y = values - values.mean()
@@ -90,7 +90,7 @@ def slope(hours: np.ndarray, values: np.ndarray, *beside: np.ndarray) -> tuple[f
 
 
 def soak(duration_s: float, equip: float, flow_vph: float, out: Path, scenario: str, threads: int) -> int:
-    """Run it; the exit status."""
+    """Run it; returns the exit status."""
     from analysis.simulate import settings_of
     from plugin import DriverAssistance
     from sumo_net.scenario import prepare
@@ -141,7 +141,7 @@ def soak(duration_s: float, equip: float, flow_vph: float, out: Path, scenario: 
 
 
 def judge(samples: np.ndarray, states: list[dict[str, int]]) -> int:
-    """Print what came of it; the exit status."""
+    """Print the results; returns the exit status."""
     first = int(WARM_UP * len(samples))
     later, peaks = samples[first:], np.maximum.accumulate(samples[:, 3:5])[first:]
     hours, memory_mb = later[:, 0] / 3600.0, later[:, 1]
@@ -153,11 +153,11 @@ def judge(samples: np.ndarray, states: list[dict[str, int]]) -> int:
     )
     print(f"{samples[-1, 5]:.0f} vehicles seen, {samples[-1, 2] / 60:.1f} core-minutes")
     print(
-        f"fleet a simulated hour {' '.join(f'{slope(hours, column)[0]:+.1f}' for column in later[:, 3:5].T)}"
+        f"fleet per simulated hour {' '.join(f'{slope(hours, column)[0]:+.1f}' for column in later[:, 3:5].T)}"
     )
     print(f"memory {memory_mb[0]:.0f} to {memory_mb[-1]:.0f} MB, at most {samples[:, 1].max():.0f}")
-    print(f"slope after {later[0, 0]:.0f} s: {plain:+.2f} ± {2 * plain_error:.2f} MB a simulated hour")
-    print(f"beside the fleet's peak so far: {rise:+.2f} ± {2 * error:.2f} MB a simulated hour")
+    print(f"slope after {later[0, 0]:.0f} s: {plain:+.2f} ± {2 * plain_error:.2f} MB per simulated hour")
+    print(f"beside the fleet's peak so far: {rise:+.2f} ± {2 * error:.2f} MB per simulated hour")
     grown = sorted(grew(states[first:]))
     unknown = [name for name in grown if not any(f".{known}" in name for known in KNOWN)]
     print(f"containers that grew steadily: {', '.join(grown) or 'none'}")
@@ -184,7 +184,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--duration", type=float, default=3600.0)
     parser.add_argument("--equip", type=float, default=0.36)
-    parser.add_argument("--flow", type=float, default=450.0, help="vehicles an hour and lane")
+    parser.add_argument("--flow", type=float, default=450.0, help="vehicles per hour and lane")
     parser.add_argument("--scenario", default="highway")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/soak"))

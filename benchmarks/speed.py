@@ -1,13 +1,13 @@
-"""What an equipped vehicle costs: stage by stage, by size of the fleet, in memory, and until it starts.
+"""Cost of an equipped vehicle: by stage and fleet size, in memory, and at start-up.
 
     python benchmarks/speed.py [--fleets 1 10 100 500 1000] [--steps 100] [--out out/benchmark.json]
                                [--cold] [--record "what has changed"]
 
-Each fleet drives in a process of its own through the built-in highway in heavy traffic, four lanes a side
-(six where the fleet needs them), so that every camera sees as much. Stages are timed in processor time (other
-programs on the machine do not count, but for the caches and the core's other half that they take) on one
-thread; given is the median over ten blocks of steps. Everything is written as JSON; `--record` also appends
-the main figures to benchmarks/history.json, where the same command for other versions has put theirs.
+Each fleet drives in its own process on the built-in highway in heavy traffic, four lanes per direction (six
+if the fleet needs them), so that all cameras see about the same. Stages are timed in processor time on one
+thread (other programs matter only through shared caches and hyper-threads); given is the median over ten
+blocks of steps. Everything is written as JSON; `--record` also appends the main figures to
+benchmarks/history.json, which holds those of other versions.
 """
 
 import argparse
@@ -38,8 +38,8 @@ def _in_process(function: Callable[..., dict[str, Any]], *arguments: Any) -> dic
 
 
 def print_stages(console: Console, results: list[dict[str, Any]]) -> None:
-    """One column a fleet."""
-    console.print("ms of processor time a vehicle-step, one thread, by number of equipped vehicles")
+    """Print one column per fleet."""
+    console.print("ms of processor time per vehicle-step, one thread, by number of equipped vehicles")
     table = Table(box=None)
     table.add_column("stage", no_wrap=True)
     for result in results:
@@ -56,8 +56,8 @@ def print_stages(console: Console, results: list[dict[str, Any]]) -> None:
     ):
         table.add_row(title, *(f"{result[key]:.3f}" for result in results))
     for title, key in (
-        ("SUMO, ms a step", "sumo_ms_per_step"),
-        ("reading its state, ms a step", "read_ms_per_step"),
+        ("SUMO, ms per step", "sumo_ms_per_step"),
+        ("reading its state, ms per step", "read_ms_per_step"),
         ("vehicles in the traffic", "vehicles_in_traffic"),
         ("resident, MB", "resident_mb"),
         ("  of that since the fleet came, MB", "fleet_mb"),
@@ -67,7 +67,7 @@ def print_stages(console: Console, results: list[dict[str, Any]]) -> None:
 
 
 def print_rest(console: Console, result: dict[str, Any]) -> None:
-    """The other figures, a line each."""
+    """Print the other figures, one line each."""
     search = result["published_search_ms"]
     console.print(
         f"published search, ms for both borders: {search['first']:.2f} in frame 1, "
@@ -78,7 +78,7 @@ def print_rest(console: Console, result: dict[str, Any]) -> None:
         console.print(
             f"{run['fleet']:.0f} equipped, {run['threads']} threads: {run['real_time_factor']:.2f} times "
             f"real time at a load of {run['load_average']:.1f}; "
-            f"{run['processor_s_per_simulated_s']:.2f} s of processor time a simulated second",
+            f"{run['processor_s_per_simulated_s']:.2f} s of processor time per simulated second",
             soft_wrap=True,
         )
     for name, start in result["start_up"].items():
@@ -133,7 +133,7 @@ def main() -> None:
     parser.add_argument("--record", metavar="NOTE", help="append the main figures to benchmarks/history.json")
     options = parser.parse_args()
     console = Console(highlight=False)
-    started = {"warm": start_up(False)}  # compiles where that has not been done
+    started = {"warm": start_up(False)}  # compiles the kernels if necessary
     started["warm"] = start_up(False)
     if options.cold:
         started["cold"] = start_up(True)

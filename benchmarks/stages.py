@@ -1,4 +1,4 @@
-"""What a step costs, stage by stage: a stopwatch around the functions of a running assistance."""
+"""Cost of a step by stage: a stopwatch around the functions of a running assistance."""
 
 import os
 import tempfile
@@ -13,18 +13,18 @@ import numpy as np
 
 CHAIN = ("road ahead", "render", "search", "detect", "observe", "predict", "warn")
 RADAR = ("radar", "track", "warn rear end")
-SHARED = ("SUMO", "read state")  # cost of the whole traffic, whoever is equipped
+SHARED = ("SUMO", "read state")  # cost of all traffic, equipped or not
 STAGES = (*CHAIN, *RADAR, "ego", "write state", "judge", "baselines", "tables", "rest", *SHARED)
-SETTLE_STEPS = 100  # rows are scored and written so often
+SETTLE_STEPS = 100  # interval of scoring and writing rows
 HEAVY = {"demand": {"flow_per_lane_vph": 2200.0, "truck": {"share": 0.05}}, "highway": {"lanes": 4}}
 CROWDED = HEAVY | {"highway": {"lanes": 6}}
 MOST_IN_HEAVY = 550  # vehicles; larger fleets need more lanes
-FILL_STEPS = 600  # SUMO alone, until as many vehicles drive as ever will
+FILL_STEPS = 600  # SUMO alone, until the number of vehicles is steady
 WARM_UP_STEPS = 15
 
 
 class Stopwatch:
-    """Exclusive processor time by stage: a stage inside another one is not counted twice."""
+    """Exclusive processor time by stage: nested stages are not counted twice."""
 
     def __init__(self) -> None:
         self.spent: dict[str, float] = defaultdict(float)
@@ -44,7 +44,7 @@ class Stopwatch:
         inner = getattr(owner, attribute)
 
         def timed(*arguments: Any, **options: Any) -> Any:
-            self._begin(name)  # not `stage`: a generator costs 1 µs more, which one vehicle's stages show
+            self._begin(name)  # not `stage`: a generator costs 1 µs more, which matters for one vehicle
             try:
                 return inner(*arguments, **options)
             finally:
@@ -71,7 +71,7 @@ class Stopwatch:
 
 
 class FirstOnes:
-    """Equips light vehicles as they come, until there are enough of them on the road."""
+    """Equips light vehicles as they depart, until there are enough of them on the road."""
 
     def __init__(self, fleet: int, driving: Callable[[], int]) -> None:
         self._fleet, self._driving = fleet, driving
@@ -84,7 +84,7 @@ class FirstOnes:
 
 
 def functions() -> tuple[tuple[Any, str, str], ...]:
-    """What the stopwatch is put around: owner, name of the function, stage."""
+    """Functions to time: owner, name of the function, stage."""
     from plugin import chain, ranging, step_columns, vision
     from plugin.ground_truth import Judge
     from plugin.lane import genetic, refine
@@ -103,7 +103,7 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
         (chain, "road_ahead", "road ahead"),
         (chain, "objects_around", "road ahead"),
         (vision.Vision, "draw", "render"),
-        (vision.Vision, "step", "detect"),  # what is not in a stage of its own: slicing and joining
+        (vision.Vision, "step", "detect"),  # the rest of it: slicing and joining
         (vision.Vision, "_judge", "judge"),
         (vision.Vision, "told", "detect"),
         (chain, "bodies_ahead", "detect"),
@@ -143,7 +143,7 @@ def watch(clock: Stopwatch) -> None:
 
 
 def stages_of_fleet(fleet: int, steps: int, mode: str = "refined") -> dict[str, Any]:
-    """Milliseconds of processor time a vehicle-step by stage, and memory; `steps` steps in ten blocks."""
+    """Milliseconds of processor time per vehicle-step by stage, and memory; `steps` steps in ten blocks."""
     clock, blocks = Stopwatch(), 10
     watch(clock)
     with assistance(fleet, mode, threads=1) as (traffic, adas):
@@ -220,10 +220,10 @@ def search_by_frame(repeats: int = 5) -> dict[str, float]:
 
 
 def against_real_time(fleet: int, threads: int, seconds: float, repeats: int) -> dict[str, Any]:
-    """Simulated seconds a second for `fleet` equipped vehicles in heavy traffic, tables on disk.
+    """Simulated seconds per second for `fleet` equipped vehicles in heavy traffic, tables on disk.
 
-    On the wall, and as it would be were the processor time spent by `threads` cores and nothing else running:
-    the first is what a user sees, the second what a busy machine cannot hide.
+    Once by wall-clock time, which a user sees, and once by processor time divided among `threads` cores,
+    which other load does not affect.
     """
     wall, processor, vehicles = [], [], []
     with (
@@ -252,7 +252,7 @@ def against_real_time(fleet: int, threads: int, seconds: float, repeats: int) ->
 
 @contextmanager
 def assistance(fleet: int, mode: str, threads: int, out: Path | None = None) -> Iterator[tuple[Any, Any]]:
-    """Traffic and assistance of a full highway, of which the next light vehicles will be equipped."""
+    """Traffic and assistance on a full highway, whose next departing light vehicles are equipped."""
     from plugin.assistance import DriverAssistance
     from plugin.configuration import load_configuration
     from sumo_net.scenario import prepare

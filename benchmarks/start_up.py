@@ -1,4 +1,4 @@
-"""Start-up to the end of the first step, with the kernels compiled before and with an empty cache."""
+"""Start-up to the end of the first step, with compiled kernels and with an empty cache."""
 
 import os
 import resource
@@ -17,7 +17,7 @@ simulate("highway", Path(sys.argv[1]), seed=1, duration_s=0.1, fraction=0.2, qui
 
 
 def start_up(cold: bool) -> dict[str, Any]:
-    """Seconds from the command to the end of the first step: on the wall, and of processor time."""
+    """Wall-clock and processor time in s from the command to the end of the first step."""
     with tempfile.TemporaryDirectory() as scratch:
         environment = dict(os.environ)
         if cold:

@@ -1,11 +1,11 @@
-"""All cores by threads inside a run, or by runs beside each other: the same runs both ways, by the clock.
+"""Using all cores by threads within a run or by concurrent runs: the same runs both ways, wall-clock time.
 
     python benchmarks/threads_or_processes.py [--runs 4] [--duration 20] [--equip 0.05 0.2 0.5]
 
-For every equipped share: all runs after each other with as many threads as there are cores, and as many runs
-at once as there are cores with one thread each. Forked from one process that has everything loaded, as a
-campaign's runs are. The tables of both are compared byte for byte. Columns: vehicle-steps; seconds by the
-clock; the gain of the processes.
+For every equipped share: all runs one after the other with one thread per core, and one run per core at a
+time with one thread each, forked from one process that has everything loaded, as a campaign's runs are. The
+tables of both are compared byte for byte. Columns: vehicle-steps; wall-clock seconds; the gain of the
+processes.
 """
 
 import argparse
@@ -34,8 +34,8 @@ def drive(seed: int, out: Path, duration_s: float, fraction: float, threads: int
 
 
 def timed(server: ForkServer, runs: int, at_once: int, folder: Path, *rest: Any) -> float:
-    """Seconds by the clock of all runs, `at_once` of them at a time; the tables go into `folder`."""
-    from benchmarks.threads_or_processes import drive as job  # as the forks know it
+    """Wall-clock seconds of all runs, `at_once` of them at a time; the tables go into `folder`."""
+    from benchmarks.threads_or_processes import drive as job  # by the name that the forks can import
 
     begin = time.perf_counter()
     with ThreadPoolExecutor(at_once) as pool:
@@ -55,7 +55,7 @@ def main() -> None:
     print("| equipped | vehicle-steps | threads, s | processes, s | gain |\n|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder, ForkServer() as server:
         drive_once = (1.0, 0.1, 1)
-        timed(server, 1, 1, Path(folder) / "first", *drive_once)  # loads what a run needs
+        timed(server, 1, 1, Path(folder) / "first", *drive_once)  # loads everything that a run needs
         for share in options.equip:
             threads, processes = (Path(folder) / f"{kind}{share}" for kind in ("threads", "processes"))
             one = timed(server, options.runs, 1, threads, options.duration, share, cores)

@@ -140,7 +140,7 @@ def compare(summary_table: pd.DataFrame) -> pd.DataFrame:
 
 
 def reproduce(out: Path, experiment: AdaptiveExperiment | None = None) -> pd.DataFrame:
-    """Run all cases; write adaptive.csv, adaptive_curves.csv, adaptive.png; write and return the comparison."""
+    """Run all cases; write adaptive.csv, adaptive_curves.csv, adaptive.png and the comparison, returned."""
     experiment = experiment or AdaptiveExperiment()
     rows, curves = [], []
     for case in TOLD:
