@@ -152,9 +152,7 @@ def judge(samples: np.ndarray, states: list[dict[str, int]]) -> int:
         f"{later[:, 3].mean():.0f} equipped of {later[:, 4].mean():.0f} vehicles"
     )
     print(f"{samples[-1, 5]:.0f} vehicles seen, {samples[-1, 2] / 60:.1f} core-minutes")
-    print(
-        f"fleet per simulated hour {' '.join(f'{slope(hours, column)[0]:+.1f}' for column in later[:, 3:5].T)}"
-    )
+    print(f"fleet per hour {' '.join(f'{slope(hours, column)[0]:+.1f}' for column in later[:, 3:5].T)}")
     print(f"memory {memory_mb[0]:.0f} to {memory_mb[-1]:.0f} MB, at most {samples[:, 1].max():.0f}")
     print(f"slope after {later[0, 0]:.0f} s: {plain:+.2f} ± {2 * plain_error:.2f} MB per simulated hour")
     print(f"beside the fleet's peak so far: {rise:+.2f} ± {2 * error:.2f} MB per simulated hour")

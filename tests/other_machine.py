@@ -1,4 +1,4 @@
-"""What a function gives on a 64-bit x86 processor without AVX and fused multiply-adds."""
+"""Results of a function on a 64-bit x86 processor without AVX and fused multiply-adds."""
 
 import json
 import os

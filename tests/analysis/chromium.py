@@ -27,7 +27,7 @@ SIZES = {"desktop": (1280, 900), "phone": (390, 844)}
 
 
 def why_not() -> str:
-    """Why no browser can be had here, '' where one can."""
+    """Why no browser is available, '' if one is."""
     if not (shutil.which("chromium") and shutil.which("chromedriver")):
         return "no chromium and chromedriver on the path (apt-get install chromium chromium-driver)"
     try:
@@ -57,7 +57,7 @@ def browser(profile: Path) -> Iterator[Any]:
 
 
 def open_page(driver: Any, page: Path, size: str = "desktop") -> None:
-    """Open a page at a size, and wait until its plots are drawn, where it has any."""
+    """Open a page at a size, and wait until its plots, if any, are drawn."""
     width, height = SIZES[size]
     driver.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
@@ -73,7 +73,7 @@ def open_page(driver: Any, page: Path, size: str = "desktop") -> None:
 
 
 def complaints(driver: Any) -> list[str]:
-    """What the console has said since last asked."""
+    """Console messages since the last call."""
     return [entry["message"] for entry in driver.get_log("browser")]
 
 

@@ -22,7 +22,7 @@ STEPS = 120
 def write_run(
     directory: Path, ids: tuple[str, ...] = ("one", "two", "three"), formats: tuple[str, ...] = ("csv",)
 ) -> Path:
-    """A run of as many vehicles, 12 s, each with a drift over its left border, a warning and a conflict."""
+    """A run of 12 s with these vehicles, each with a drift over its left border, a warning and a conflict."""
     recorder = Recorder("made-1", directory, formats)
     time = np.round(10.0 + 0.1 * np.arange(STEPS), 1)
     for number, name in enumerate(ids):

@@ -1,4 +1,4 @@
-"""The benchmark's stopwatch is put around functions by their names: they are still there."""
+"""The functions that the benchmark's stopwatch times by name exist."""
 
 import importlib.util
 from pathlib import Path

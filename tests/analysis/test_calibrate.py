@@ -1,4 +1,4 @@
-"""Proposing a camera: from drawn roads of known cameras, and from real pictures."""
+"""Estimating a camera from drawn roads of known cameras and from real pictures."""
 
 import math
 import tomllib

@@ -1,4 +1,4 @@
-"""Campaigns: checked whole before they run, nothing lost, the same report whatever happens on the way."""
+"""Campaigns: checked completely before they run, nothing lost, the same report whatever happens."""
 
 import json
 import os
@@ -142,7 +142,7 @@ def test_a_run_is_there_whole_or_not_at_all(tmp_path: Path, address: str) -> Non
     (place / "summary.json").write_text('{"key": "k"}')
     (place / "steps.parquet").write_bytes(b"x")
     store.put("0000-1", place)
-    store.put("0000-1", place)  # twice does no harm
+    store.put("0000-1", place)  # a second time is harmless
     assert store.done() == {"0000-1"}
     assert [summary["key"] for summary in store.summaries()] == ["k"]
     store.fail("0000-2", "why", 2)
@@ -171,7 +171,7 @@ def test_a_directory_is_refused_where_anything_that_matters_has_changed(tmp_path
 
 
 def test_a_worker_that_cannot_run_is_named_before_anything_is_written(tmp_path: Path) -> None:
-    """A scheduler and workers of its own in this process, whose versions are not ours."""
+    """A scheduler and workers in this process, with other versions than the client."""
     from unittest import mock
 
     from distributed import LocalCluster
@@ -220,7 +220,7 @@ def drifting(tlc: list[float], side: str = "left", cause: str = "distraction") -
 
 
 def test_a_sweep_finds_the_lead_that_a_threshold_gives() -> None:
-    """Time to crossing falls by 0.1 s a step: the warning comes as long before as the threshold says."""
+    """Time to crossing falls by 0.1 s per step: the warning leads by the threshold."""
     tlc = [3.0 - 0.1 * k for k in range(31)]
     crossing = {
         "vehicle_id": "a",
@@ -241,7 +241,7 @@ def test_a_sweep_finds_the_lead_that_a_threshold_gives() -> None:
     counts, _ = _judge_lane(drifting(tlc, cause="lane_change_signalled"), departures.iloc[:0], 1.0)
     assert counts == [0, 0, 0, 0]
     counts, _ = _judge_lane(drifting([3.0, 3.0, 0.4, 3.0, 3.0]), departures.iloc[:0], 1.0)
-    assert counts == [0, 0, 0, 0]  # a look that stands alone
+    assert counts == [0, 0, 0, 0]  # a single frame
 
 
 def test_a_sweep_of_collision_warnings_counts_due_conflicts() -> None:

@@ -1,4 +1,4 @@
-"""The commands as a user types them: what they write, and that what is wrong is said in one line."""
+"""The commands as a user types them: their output, and errors in one line."""
 
 import os
 import signal
@@ -300,7 +300,7 @@ def status(*words: str) -> int:
 
 @pytest.fixture
 def mistakes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A directory, the current one, of files with something wrong."""
+    """The current directory, with files that have errors."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(os.environ, "COLUMNS", "60")
     boundaries = 'convBoundary="0,0,1,1" origBoundary="0,0,1,1" projParameter="!"'

@@ -1,4 +1,4 @@
-"""The reference of commands in docs/ is that of the commands."""
+"""The command reference in docs/ is current."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What README and docs tell to type is understood: commands with their options, keys, imports, files."""
+"""Commands, options, keys, imports and files named in README and docs exist."""
 
 import ast
 import importlib

@@ -32,12 +32,12 @@ class Runs(NamedTuple):
     watched: Path
     repeated: Path
     name: str
-    changed: str  # a vehicle whose recorded rows are not what the run gives
+    changed: str  # a vehicle whose recorded rows were altered
     findings: list[str]
 
 
 def run_and_repeat(folder: Path) -> Runs:
-    """Both in one process, to load the kernels once; also the frames that the detector was given."""
+    """Both in one process, to load the kernels once; also records the frames given to the detector."""
     from analysis.simulate import simulate
     from plugin.vision import Vision
 
@@ -232,7 +232,7 @@ def test_video_is_what_browsers_play_and_shows_every_step(
     name, pixels, rate, pictures = decoded(file)
     assert (name, pixels, rate, len(pictures)) == (codec, "yuv420p", 10.0, 10)
     assert pictures[0].shape == (720, 1280, 3)
-    # the sky is the camera's, where it is drawn: brightness survives the coding
+    # the sky comes from the camera image: its brightness survives the coding
     sky = drive.frames[5][10:60, 160:300].mean()
     assert pictures[0][26:156, 416:780].mean() == pytest.approx(sky, abs=4.0)
 

@@ -1,4 +1,4 @@
-"""Faults in mid run: what was computed is kept, the tables are whole, the message says what happened."""
+"""Faults during a run: results are kept, tables are complete, the message says what happened."""
 
 import os
 import resource
@@ -24,7 +24,7 @@ SHORT = {
 
 
 def often() -> None:
-    """Let the tables be written every second instead of every ten: shorter tests."""
+    """Write the tables every second instead of every ten, to shorten the tests."""
     import plugin.assistance
 
     plugin.assistance.SETTLE_EVERY_STEPS = 10
@@ -38,7 +38,7 @@ def plain(out: Path, options: dict[str, Any]) -> None:
 
 
 def clock_steps(out: Path, options: dict[str, Any]) -> None:
-    """The wall clock jumps by hours, to and fro, whenever somebody looks at it."""
+    """The wall clock jumps by hours, back and forth, whenever it is read."""
     generator, true = np.random.default_rng(1), time.time
     time.time = lambda: true() + float(generator.uniform(-1e5, 1e5))
     plain(out, options)
@@ -54,7 +54,7 @@ def reversed_lists(out: Path, options: dict[str, Any]) -> None:
 
 
 def full_disk(out: Path, options: dict[str, Any], most_bytes: int) -> None:
-    """No table can grow beyond so many bytes, from the first step on."""
+    """From the first step on, no file can grow beyond `most_bytes`."""
     from sumo_net.traffic import Traffic
 
     step = Traffic.step
@@ -68,7 +68,7 @@ def full_disk(out: Path, options: dict[str, Any], most_bytes: int) -> None:
 
 
 def vanishing(out: Path, options: dict[str, Any]) -> list[str]:
-    """Vehicles vanish between the reading of the traffic and all that is done with it."""
+    """Vehicles vanish between the reading of the traffic and its processing."""
     import libsumo
 
     from sumo_net.traffic import Traffic
@@ -90,7 +90,7 @@ def vanishing(out: Path, options: dict[str, Any]) -> list[str]:
 
 
 def broken_demand(out: Path) -> str:
-    """SUMO reads its vehicles as they are due; later it comes to one whose road does not exist."""
+    """SUMO reads vehicles when they are due, and later finds one whose road does not exist."""
     from analysis.simulate import settings_of
     from plugin.assistance import DriverAssistance
     from sumo_net.scenario import prepare
@@ -171,13 +171,13 @@ def test_an_error_of_sumo_in_mid_run_is_told_and_the_rows_are_kept(tmp_path: Pat
 def as_nobody(out: Path) -> None:
     from plugin.record import Recorder
 
-    if os.geteuid() == 0:  # whom no right binds
+    if os.geteuid() == 0:  # root ignores permissions
         os.setuid(65534)
     Recorder("r", out / "deep", ("csv",)).close()
 
 
 def test_a_read_only_folder_is_named() -> None:
-    with tempfile.TemporaryDirectory() as folder:  # pytest's own can be entered by its user alone
+    with tempfile.TemporaryDirectory() as folder:  # pytest's own folders are accessible to its user only
         os.chmod(folder, 0o555)
         with pytest.raises(PermissionError, match=r"Permission denied.*deep"):
             in_process(as_nobody, Path(folder))

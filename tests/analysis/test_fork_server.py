@@ -1,4 +1,4 @@
-"""Runs in forks of a loaded process: what they give and raise, and every way to kill them."""
+"""Calls in forks of a loaded process: results, errors, and every way to kill them."""
 
 import os
 import signal
@@ -14,7 +14,7 @@ import pytest
 from analysis.fork_server import ForkServer, ServerError
 from sumo_net.settings import SettingsError
 
-LIGHT = ("libsumo",)  # what these tests need is quick to load
+LIGHT = ("libsumo",)  # quick to load, and enough for these tests
 
 
 @pytest.fixture(scope="module")

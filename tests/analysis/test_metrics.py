@@ -1,4 +1,4 @@
-"""Figures against tables that one can work out by hand."""
+"""Figures of tables that can be checked by hand."""
 
 import math
 
@@ -85,7 +85,7 @@ def test_lane_accuracy() -> None:
     assert found["paper_recognition_rate"] == pytest.approx(0.5)
     assert found["locked_rate"] == pytest.approx(3 / 7)
     assert found["other_lane_rate"] == pytest.approx(1 / 3)
-    # a wrong lane in the middle of one's own is an error of its full size
+    # near the middle of the own lane, an offset in another lane counts in full
     assert found["lateral_offset_rmse_m"] == pytest.approx(math.sqrt((0.03**2 + 0.04**2 + 3.75**2) / 3))
     assert found["yaw_rate_rmse_rps"] == 0.0
 
@@ -159,7 +159,7 @@ def test_paired_gain_of_equal_errors_is_zero_and_of_alike_ones_covers_it() -> No
 
 
 def test_paired_gain_takes_a_vehicles_steps_for_one() -> None:
-    """Twenty alike steps a vehicle say no more than one: the interval must not shrink."""
+    """Twenty equal steps per vehicle carry no more information than one: the interval must not shrink."""
     few, many = fleet(12, 1), fleet(12, 20)
     widths = []
     for steps in (few, many):
@@ -194,7 +194,7 @@ def test_tlc_errors_count_what_was_not_foreseen_as_infinite() -> None:
 
 
 def approaches(errors: list[float], vehicles: int) -> pd.DataFrame:
-    """Each vehicle's ten steps before its crossing err alike: the true state by 0.1 s, the estimate so."""
+    """Each vehicle's ten steps before its crossing have equal errors: true state 0.1 s, estimate as given."""
     tables = []
     for k in range(vehicles):
         truth = np.linspace(1.0, 0.1, 10)
@@ -207,7 +207,7 @@ def approaches(errors: list[float], vehicles: int) -> pd.DataFrame:
 def test_tlc_ratio_lies_within_its_interval_which_knows_that_steps_of_a_vehicle_are_alike() -> None:
     one = tlc_ratio(approaches([0.2], 30))
     assert [*one.values()] == pytest.approx([2.0, 2.0, 2.0])
-    # 3 of 60 err five times: whether the 95th percentile is theirs hangs on how often those are drawn
+    # 3 of 60 have five times the error: whether they are the 95th percentile depends on the draws
     few = tlc_ratio(approaches([0.1] * 19 + [0.5], 60))
     assert few["tlc_error_p95_ratio_low"] == pytest.approx(1.0)
     assert few["tlc_error_p95_ratio_high"] == pytest.approx(5.0)
@@ -233,7 +233,7 @@ def test_warning_counts_per_100_km() -> None:
             ("distraction", True, 1.2),
             ("microsleep", False, -0.3),  # warned too late is missed
             ("lane_change_unsignalled", False, np.nan),
-            ("lane_change_signalled", pd.NA, np.nan),  # meant: does not count
+            ("lane_change_signalled", pd.NA, np.nan),  # intended: does not count
             ("distraction", pd.NA, np.nan),  # slow: counts, but no warning was due
         ]
     )

@@ -1,4 +1,4 @@
-"""Figures: drawn from the numbers that they should show, never empty, the same bytes again."""
+"""Figures: show the right numbers, are never empty, and are byte-identical when repeated."""
 
 import io
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Protocols: plans, verdicts on made-up drives, cells; a small one driven for real through the command."""
+"""Protocols: plans, verdicts on synthetic drives, cells; a small one run in SUMO through the command."""
 
 import dataclasses
 import math
@@ -132,7 +132,7 @@ def test_verdicts_on_departures(
 
 
 def coming_up(alert_ttc_s: float | None, level: str = "reminder") -> Any:
-    """Steps of a car at 20 m/s that comes up to one that stands, from 150 m on."""
+    """Steps of a car at 20 m/s that approaches a stationary one from 150 m."""
     time = np.arange(0.1, 7.45, 0.1)
     gap = 150.0 - 20.0 * (time - 0.1)
     on = np.zeros(len(time), bool) if alert_ttc_s is None else gap <= 20.0 * alert_ttc_s + 1e-6

@@ -1,4 +1,4 @@
-"""The published camera experiments: their truth against independent integrators, and what they find."""
+"""The published camera experiments: their truth against independent integrators, and their results."""
 
 from pathlib import Path
 
@@ -81,7 +81,7 @@ def test_plain_road_turns_by_the_integral_of_its_curvature() -> None:
     np.testing.assert_allclose(made.heading(s) - made.heading(s[0]), summed, atol=1e-6)
 
 
-# --- what the experiments find
+# --- results of the experiments
 
 
 def test_a_comparison_says_where_its_number_is_from() -> None:

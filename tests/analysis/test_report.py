@@ -1,4 +1,4 @@
-"""The report page: what it shows, what it says of tables that are not whole, what it lets no text do."""
+"""The report page: its contents, its notes on incomplete tables, and hostile texts."""
 
 import html.parser
 import json
@@ -30,7 +30,7 @@ from tests.analysis.report_tables import (
 
 
 class Elements(html.parser.HTMLParser):
-    """What a browser would see: tags with their attributes, and the texts of scripts by their id."""
+    """Tags with their attributes, and the texts of scripts by id, as a browser would see them."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -53,7 +53,7 @@ class Elements(html.parser.HTMLParser):
 
 @pytest.fixture(autouse=True)
 def _pictures_in_no_time(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made but not drawn, which takes the most time; test_plots and the browser look at them."""
+    """Make figures without drawing them, which takes most of the time; other tests draw them."""
     if request.node.name != "test_run_page_shows_its_figures":
         monkeypatch.setattr(
             "analysis.report.cards.save", lambda figure, target, kind: target.write(b"<svg/>")

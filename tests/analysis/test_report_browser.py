@@ -1,4 +1,4 @@
-"""The report page in a real browser: it opens, draws, answers, fits a phone, lets no text of a run act."""
+"""The report page in a real browser: it opens, draws, responds, fits a phone, and runs no hostile text."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_page_opens_whole_and_in_order(kind: str, size: str, driver: Any, pages:
         assert _drawn(chromium.picture(driver, selector)) > 0.01, selector
     page = chromium.picture(driver)
     empty = np.flatnonzero(np.diff(np.flatnonzero(page.std(axis=(1, 2)) > 3.0)) > 400)
-    assert not len(empty)  # nowhere as much as half a screen of nothing
+    assert not len(empty)  # no empty gap of half a screen
 
 
 def _drawn(picture: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""The settings reference in docs/ is that of the settings' classes, and leaves out no key."""
+"""The settings reference in docs/ is current and complete."""
 
 import dataclasses
 import re

@@ -1,4 +1,4 @@
-"""Vehicles come and go: nothing is kept of those that have left."""
+"""Vehicles come and go: no state is kept of those that have left."""
 
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ BYTES_A_VEHICLE = ("_equipped", "_bodies", "_lane", "_left", "_from_m", "_row", 
 
 
 def come_and_go(out: Path) -> dict[str, Any]:
-    """A road of 600 m, on which a vehicle stays for 25 s or so; what is known at the end, and all sizes."""
+    """A road of 600 m, on which a vehicle stays for about 25 s; the final state, and all sizes."""
     from analysis.simulate import settings_of
     from plugin.assistance import DriverAssistance
     from sumo_net import traffic as module

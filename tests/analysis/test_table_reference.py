@@ -1,4 +1,4 @@
-"""The table reference in docs/ is that of the schema."""
+"""The table reference in docs/ is current."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The parts that are compiled ahead are those that a run calls: not one more variant of a kernel follows."""
+"""The parts compiled ahead cover a run: it compiles no further kernel variant."""
 
 import functools
 import gc
@@ -19,7 +19,7 @@ from sumo_net.compile import KERNELS
 
 
 def late_in_a_run(out: Path) -> list[str]:
-    """Kernels that a run compiles, or loads, after all parts have been."""
+    """Kernels that a run compiles or loads after all parts are compiled."""
     for part in PARTS:
         part()
     ahead = {kernel: set(kernel.signatures) for kernel in KERNELS}
@@ -46,7 +46,7 @@ def test_a_helper_starts_only_where_something_is_to_be_compiled(monkeypatch):
 
 
 def two_processors(monkeypatch, done):
-    """A machine on which nothing is compiled, and two parts that do no more than say so."""
+    """Nothing is compiled, and there are two parts that only report being called."""
     monkeypatch.setattr(warm_up, "compiled", lambda: False)
     monkeypatch.setattr(warm_up.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(warm_up, "PARTS", [functools.partial(done.append, part) for part in ("one", "other")])

@@ -1,4 +1,4 @@
-"""SUMO's own window, on a display that is only in memory."""
+"""SUMO's own window, on a virtual display."""
 
 import ctypes.util
 import os
@@ -45,7 +45,7 @@ def display() -> Iterator[str]:
 
 
 def with_and_without(folder: Path, display: str) -> None:
-    """In a window that is closed after 15 steps, and in none; in one process, to load the kernels once."""
+    """With a window that is closed after 15 steps, and without; in one process, to load the kernels once."""
     from analysis.simulate import Window, simulate
     from analysis.window import FleetWindow
 

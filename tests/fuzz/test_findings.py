@@ -1,4 +1,4 @@
-"""What hostile input has broken once, each as a test: bombs, loops, paths that lead elsewhere."""
+"""Regression tests for findings of hostile input: bombs, loops, paths out of the directory."""
 
 import gzip
 import os
@@ -117,7 +117,7 @@ def test_a_campaign_of_more_runs_than_anyone_can_make(tmp_path: Path) -> None:
         plan.load(tmp_path / "c.toml")
 
 
-# --- XML: SUMO's own parser would expand a bomb, so that it has to be met before
+# --- XML: SUMO's own parser would expand a bomb, so it must be refused before
 
 
 @pytest.mark.usefixtures("soon")
@@ -236,7 +236,7 @@ def test_a_column_cannot_write_to_the_terminal(tmp_path: Path) -> None:
 
 
 def png(width: int, height: int) -> bytes:
-    """A PNG that says how large it is, and has no pixel."""
+    """A PNG that declares a size, but has no pixels."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

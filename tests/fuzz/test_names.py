@@ -1,4 +1,4 @@
-"""Names that lead elsewhere or hold markup, of vehicles and files: all is written in the output directory."""
+"""Vehicle and file names with paths or markup: everything is written into the output directory."""
 
 import json
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""True drives for the tests of motion and warning, and looks at them."""
+"""True drives for the tests of motion and warning, and lane estimates of them."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ __all__ = ["PREVIEW_M", "Drive", "drive", "lane_change_steer", "looks", "unseen"
 
 
 def unseen(look: LaneEstimate) -> LaneEstimate:
-    """The same look with the lane not locked."""
+    """The same lane estimate, not locked."""
     values = {
         name: np.full_like(part, np.nan) for name, part in look._asdict().items() if part.dtype == np.float64
     }

@@ -1,4 +1,4 @@
-"""The whole chain in a real SUMO run, each in a process of its own: one simulation a process."""
+"""The whole chain in real SUMO runs, each in its own process, which can hold only one simulation."""
 
 import atexit
 from pathlib import Path

@@ -102,7 +102,7 @@ def test_published_runs(run_):
 
 
 def test_full_load_seen_by_the_half_load_bank_keeps_the_yaw_rate_only():
-    # The steer is taken out of the picture, so f cancels in the yaw rate; v_y follows the model's mass alone.
+    # The steer comes from the image, so f cancels in the yaw rate; v_y depends only on the model's mass.
     # Z11 claims a static error under 10 % here; the corrected equations give 21 %.
     truth, seen = simulation.truth_of(simulation.RUNS[2])
     _, rows = run(bank.schedule(HALF, PREVIEW_M, BankSettings()), truth, seen)

@@ -1,4 +1,4 @@
-"""Roads that bend more than roads do: followed where they are seen, given up where they are not."""
+"""Bends tighter than those of real roads: followed where seen, given up where not."""
 
 import numpy as np
 import pytest

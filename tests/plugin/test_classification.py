@@ -1,4 +1,4 @@
-"""The motion classes: published transitions, thresholds and cycles, and never any other."""
+"""The motion classes: published transitions, thresholds and cycles, and no others."""
 
 import numpy as np
 import pytest

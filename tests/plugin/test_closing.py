@@ -161,7 +161,7 @@ def test_leaders_go_with_their_vehicles_and_tracks() -> None:
     nobody = np.full((3, 1), -1)
     after, better = filter_.step(state, gone, detections, sensor, nothing_seen(3), nobody, 0.1)
     assert after.owner.tolist() == [0, 2]
-    assert better.estimate.range_m[1] == z[-1, 1, 0]  # no leader: as the track has it
+    assert better.estimate.range_m[1] == z[-1, 1, 0]  # not a leader: the track's own value
     assert better.estimate.range_m[0] != z[-1, 0, 0]
     empty = filter_.reindex(filter_.init(), np.array([-1, -1]))
     assert len(empty.owner) == 0

@@ -1,4 +1,4 @@
-"""Who is in path, when the warning comes and goes, and what the driver gets."""
+"""In-path selection, start and end of the warning, and its outputs."""
 
 import math
 from typing import Any
@@ -146,7 +146,7 @@ def test_path_is_the_steered_circle_while_the_lane_is_lost() -> None:
     _, path = Driver().step(on_circle, {"x_m": 40.0, "y_m": -1.6}, yaw_rate=-0.06, **LOST)
     assert path.inside.tolist() == [False, True]
     _, path = Driver().step({"x_m": 100.0, "y_m": 0.0}, **LOST)
-    assert not path.inside[0]  # further than that the guess is not good for
+    assert not path.inside[0]  # beyond the reach of the steered circle
 
 
 def test_a_lane_that_bends_quite_unlike_the_steering_counts_as_lost() -> None:
@@ -156,7 +156,7 @@ def test_a_lane_that_bends_quite_unlike_the_steering_counts_as_lost() -> None:
     assert abs(path.offset_m[0]) > 7.0
     assert not path.inside[0]
     _, path = Driver().step(post, curvature_1pm=0.003, yaw_rate=0.003 * V)
-    assert abs(path.offset_m[0]) < 4.0  # where the steering agrees the lane is believed
+    assert abs(path.offset_m[0]) < 4.0  # the lane is trusted if the steering agrees
 
 
 def test_a_lane_whose_bend_changes_as_no_road_s_does_counts_as_lost() -> None:

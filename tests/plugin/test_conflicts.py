@@ -1,4 +1,4 @@
-"""True conflicts against SUMO's own SSM device in a real run, and the book of events by hand."""
+"""True conflicts against SUMO's own SSM device in a real run, and their matching with warnings by hand."""
 
 import multiprocessing
 import subprocess

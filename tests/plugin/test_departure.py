@@ -1,4 +1,4 @@
-"""The lane-departure warning, driven by crossings made by hand and by predicted ones."""
+"""The lane-departure warning on constructed and on predicted crossings."""
 
 import numpy as np
 import pytest
@@ -201,7 +201,7 @@ def test_after_a_change_of_lane_the_border_behind_does_not_warn():
     shift = np.zeros(len(offset))
     shift[np.argmin(offset)] = 1
     noisy = np.full(len(offset), 0.8)
-    noisy[np.argmin(offset) + 2 :] = -0.05  # a look that says: back towards the border
+    noisy[np.argmin(offset) + 2 :] = -0.05  # one estimate of a drift back to the border
     got = play(offset, noisy, shift=shift)
     assert (got.started[int(np.argmin(offset)) :, 0] == 0).all()
     assert np.count_nonzero(got.started) == 1

@@ -1,4 +1,4 @@
-"""The fleet in parts: who is in which, and what each vehicle carries along."""
+"""The fleet in parts: their vehicles, and each vehicle's state."""
 
 from typing import Any, NamedTuple, cast
 
@@ -21,7 +21,7 @@ class State(NamedTuple):
 
 
 class Telling:
-    """A chain that does nothing but count who began, and what was copied."""
+    """A chain that only records new vehicles and copies."""
 
     def __init__(self) -> None:
         self.begun = 0

@@ -1,4 +1,4 @@
-"""What vehicles ahead hide: against the renderer's own bodies, and what is done with the ridges there."""
+"""Areas hidden by vehicles ahead: against the rendered bodies, and the treatment of ridges in them."""
 
 import numpy as np
 import pytest

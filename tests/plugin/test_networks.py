@@ -1,4 +1,4 @@
-"""Runs on networks that nobody drew for this project, with all classes; `make networks` has more."""
+"""Runs on generated networks with all vehicle classes; `make networks` has more."""
 
 import subprocess
 from pathlib import Path

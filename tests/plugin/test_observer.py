@@ -19,7 +19,7 @@ from sumo_net.settings import SettingsError, read
 from sumo_net.vehicle import Vehicle, steady_state
 
 HALF = Vehicle()
-# white noise, as large as what is new in a look of the lane tracker in rendered frames
+# white noise, as large as the innovations of the lane tracker in rendered frames
 CAMERA = {"offset_m": 0.003, "heading_rad": 1.5e-4, "curvature_1pm": 2e-5, "curvature_rate_1pm2": 3e-6}
 NO_SLIP_ERROR = ObserverSettings(filter=FilterSettings(heading_per_slip=0.0))  # looks() makes none
 SIGNED = MotionEstimate._fields[:8]
@@ -81,7 +81,7 @@ def test_filters_the_offset_below_the_cameras_noise(schedule, change):
 
 
 def tracked(truth, seen, lasting_rad, per_slip, rng):
-    """The looks with heading errors that last or go with v_y: the lane is bent about a point 10 m ahead, its
+    """Lane estimates with heading errors, lasting or with v_y: the lane is bent about a point 10 m ahead, its
     direction at the preview point is seen.
     """
     lasting, out = lasting_rad * rng.standard_normal(len(seen[0].score)), []

@@ -1,4 +1,4 @@
-"""What strangers do in a loop of their own: odd arguments, odd names, a clock that jumps."""
+"""Use in a loop of the user's own: unusual arguments and names, a clock that jumps."""
 
 import atexit
 import subprocess
@@ -24,7 +24,7 @@ def in_process(function: Any, *arguments: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def arguments(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """SUMO's, of a straight road with vehicles of strange names, one a second."""
+    """SUMO arguments for a straight road with vehicles of unusual names, one per second."""
     import sumolib
 
     folder = tmp_path_factory.mktemp("road")
@@ -83,7 +83,7 @@ def test_an_unknown_format_is_refused_before_anything_is_written(tmp_path: Path)
 
 
 def jumps(arguments: list[str], state: str) -> list[str]:
-    """What is said where SUMO's clock does not move by a step between two calls."""
+    """Error message if SUMO's clock does not advance by one step between two calls."""
     import libsumo
 
     from plugin import DriverAssistance
@@ -134,7 +134,7 @@ def test_a_clock_that_does_not_move_by_a_step_is_no_step(arguments: list[str], t
 
 
 def first_words(arguments: list[str]) -> str:
-    """What stands on standard error where nothing is compiled yet."""
+    """Standard error of a first start, when nothing is compiled yet."""
     import contextlib
     import io
 

@@ -35,7 +35,7 @@ def change():
 
 
 def readings(truth, copies, rng=None, yaw_rate_offset=0.0, steer_offset=0.0):
-    """What the sensors read step by step, noise as the defaults of EgoSensors have it."""
+    """Readings step by step, with the default noise of EgoSensors."""
     noise = (
         np.zeros((2, len(truth.time_s), copies))
         if rng is None

@@ -1,4 +1,4 @@
-"""What the own yaw rate tells of a lane."""
+"""Plausibility of a lane, by the own yaw rate."""
 
 import numpy as np
 import pytest

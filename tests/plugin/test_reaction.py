@@ -1,4 +1,4 @@
-"""Drivers that heed their warnings: who listens, and that the warnings then keep vehicles in their lanes."""
+"""Drivers that react to warnings: which do, and that this keeps vehicles in their lanes."""
 
 from pathlib import Path
 

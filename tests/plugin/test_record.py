@@ -1,4 +1,4 @@
-"""What becomes of a column on its way into a table."""
+"""Conversion of columns on their way into a table."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Tables when the process is killed, the disk is full, or cannot be written: what was written stays whole."""
+"""Tables when the process is killed or the disk is full or read-only: written rows stay complete."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""A lane that is found anew against the one that is followed."""
+"""A newly found lane that competes with the one being followed."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def pose(offset, heading=0.0, width=3.75):
 )
 def test_what_contradicts_a_prediction(followed, fresh, wanted):
     assert rival.contradicts(fresh, followed, 1e-6 * np.eye(STATES), T) is wanted
-    assert not rival.contradicts(fresh, followed, np.eye(STATES), T)  # who knows nothing is never surprised
+    assert not rival.contradicts(fresh, followed, np.eye(STATES), T)  # no contradiction without knowledge
 
 
 def test_a_rival_must_be_the_same_lane_in_one_look_after_the_other():

@@ -1,4 +1,4 @@
-"""The published distances worked out by hand, and what they must do whatever their numbers."""
+"""The published distances by hand, and properties that hold for all parameters."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Where an equipped vehicle is seen by another one: where it drives, not where SUMO has put it."""
+"""Position at which another vehicle sees an equipped one: where it drives, not SUMO's lane position."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Noise, misses and clutter: their statistics, and that they depend on vehicle and scan alone."""
+"""Noise, misses and clutter: their statistics, and that they depend only on vehicle and scan."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Kernels that do not count references give what the others give, and nothing is freed too early or never."""
+"""Kernels without reference counting give the same results, and free nothing too early or never."""
 
 from typing import Any, NamedTuple
 

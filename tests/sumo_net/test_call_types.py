@@ -1,4 +1,4 @@
-"""numba is asked once what a call gives; whoever compiles with numba otherwise asks as ever."""
+"""numba infers the type of a call once; other uses of numba are not affected."""
 
 from typing import Any
 

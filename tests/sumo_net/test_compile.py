@@ -1,4 +1,4 @@
-"""Compiled kernels: a cache that is broken, or that cannot be written, stops nobody."""
+"""Compiled kernels: a broken or read-only cache stops no run."""
 
 import sys
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Lane changes of the others: continuous, to the right side, over in time, and not of the equipped."""
+"""Lane changes of other vehicles: continuous, to the right side, in time, and not for equipped ones."""
 
 from pathlib import Path
 

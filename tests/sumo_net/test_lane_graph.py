@@ -1,4 +1,4 @@
-"""Reading networks: what is refused, and in which words; gzip; permissions; ways on."""
+"""Reading networks: refused files and their messages; gzip; permissions; successors."""
 
 import gzip
 

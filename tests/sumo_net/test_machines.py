@@ -1,4 +1,4 @@
-"""Drivers and vehicles on a processor without AVX and fused multiply-adds: the last bits differ, no more."""
+"""Drivers and vehicles on a processor without AVX and fused multiply-adds: only the last bits differ."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is painted where, on networks that netconvert makes of a few lines."""
+"""Markings on small networks made by netconvert."""
 
 import subprocess
 from pathlib import Path

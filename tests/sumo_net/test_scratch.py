@@ -1,4 +1,4 @@
-"""Work space on the stack: what a kernel computes in it is what numpy computes."""
+"""Work space on the stack: kernels that use it agree with numpy."""
 
 import numpy as np
 import pytest

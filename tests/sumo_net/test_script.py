@@ -1,4 +1,4 @@
-"""Scripted traffic: what the settings refuse, the line of a drift, real runs held to what they were told."""
+"""Scripted traffic: refused settings, the path of a drift, real runs that follow their script."""
 
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor

@@ -1,4 +1,4 @@
-"""Turns that no car can make: SUMO turns on the spot and takes corners at any speed; the ego is led along."""
+"""Turns that no car can make: SUMO turns on the spot and corners at any speed; the ego follows."""
 
 from pathlib import Path
 
