@@ -125,7 +125,7 @@ def _predictions(f: dict[str, float]) -> Table:
 
 def _tlc(f: dict[str, float], name: str) -> str:
     median, p95 = (
-        "not foreseen" if math.isinf(value) else f"{_number(value)} s"
+        "not predicted" if math.isinf(value) else f"{_number(value)} s"
         for value in (f[f"{name}_error_median_s"], f[f"{name}_error_p95_s"])
     )
     return f"median {median}, 95th percentile {p95}"

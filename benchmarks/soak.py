@@ -155,7 +155,7 @@ def judge(samples: np.ndarray, states: list[dict[str, int]]) -> int:
     print(f"fleet per hour {' '.join(f'{slope(hours, column)[0]:+.1f}' for column in later[:, 3:5].T)}")
     print(f"memory {memory_mb[0]:.0f} to {memory_mb[-1]:.0f} MB, at most {samples[:, 1].max():.0f}")
     print(f"slope after {later[0, 0]:.0f} s: {plain:+.2f} ± {2 * plain_error:.2f} MB per simulated hour")
-    print(f"beside the fleet's peak so far: {rise:+.2f} ± {2 * error:.2f} MB per simulated hour")
+    print(f"corrected for the fleet's peak: {rise:+.2f} ± {2 * error:.2f} MB per simulated hour")
     grown = sorted(grew(states[first:]))
     unknown = [name for name in grown if not any(f".{known}" in name for known in KNOWN)]
     print(f"containers that grew steadily: {', '.join(grown) or 'none'}")

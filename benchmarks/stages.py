@@ -105,7 +105,7 @@ def functions() -> tuple[tuple[Any, str, str], ...]:
         (vision.Vision, "draw", "render"),
         (vision.Vision, "step", "detect"),  # the rest of it: slicing and joining
         (vision.Vision, "_judge", "judge"),
-        (vision.Vision, "told", "detect"),
+        (vision.Vision, "with_bodies", "detect"),
         (chain, "bodies_ahead", "detect"),
         (genetic, "search", "search"),
         (refine, "step", "detect"),

@@ -1,4 +1,4 @@
-"""What runs in the vehicle: lane detection, observers, trackers, prediction and warnings."""
+"""The functions in the vehicle: lane detection, observers, trackers, prediction and warnings."""
 
 from plugin.assistance import DriverAssistance
 

@@ -184,16 +184,16 @@ class DriverAssistance:
         if self._steps == 1:
             self._begin_s = self._end_s
         self.latest = None
-        seen = self._seen(truth)
+        seen = self._sensing(truth)
         self._fleet.follow(truth.handle[seen])
         if len(truth.handle):
             sensed = self._lane_changes.step(snapshot, equipped)
             sensed = as_driven(sensed, truth, self.configuration.vehicle.bumper_m)
         if len(truth.handle[seen]):
             spans = self._ego.half_span_m()[seen]
-            self._drive(sensed, select(truth, seen), spans, lambda: self._tell(snapshot, truth))
+            self._drive(sensed, select(truth, seen), spans, lambda: self._write_to_sumo(snapshot, truth))
         else:
-            self._tell(snapshot, truth)
+            self._write_to_sumo(snapshot, truth)
         self._script.step(snapshot)
         self.recorder.flush(MOST_WAITING)  # raises an error such as a full disk now, not with the next rows
         if self._steps % WRITE_EVERY_STEPS == 0:
@@ -276,13 +276,13 @@ class DriverAssistance:
                 self._capture.arrived(names)
         return np.asarray(self._equipped[snapshot.handle])
 
-    def _seen(self, truth: EgoTruth) -> slice | Array:
+    def _sensing(self, truth: EgoTruth) -> slice | Array:
         """Vehicles whose sensors run: all, or with `watch.alone` those whose frames are kept."""
         if self._capture is None or self._watch is None or not self._watch.alone:
             return slice(None)
         return self._capture.watched(truth.handle)
 
-    def _tell(self, snapshot: Snapshot, truth: EgoTruth) -> None:
+    def _write_to_sumo(self, snapshot: Snapshot, truth: EgoTruth) -> None:
         """Write incidents, and the equipped vehicles' lateral positions and bend speeds, to SUMO."""
         self._incidents.step(snapshot)
         if len(truth.handle):

@@ -44,7 +44,7 @@ class Watch:
 
 
 class Look(NamedTuple):
-    """What k vehicles see in one step, their estimates, and the truth."""
+    """Camera frames of k vehicles in one step, their estimates, and the truth."""
 
     frame: Array  # (k, 240, 320) uint8
     path_m: Array  # (k, H, 2) predicted path: forward, left

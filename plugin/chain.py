@@ -1,4 +1,4 @@
-"""What runs in n equipped vehicles each 0.1 s: sense -> estimate -> predict -> warn, and its columns.
+"""The processing in n equipped vehicles each 0.1 s: sense -> estimate -> predict -> warn; its columns.
 
 Vehicles' chains are independent: any part of a fleet can be processed by itself, with the same results. The
 truth is used only by the synthesisers and for the columns that score the estimates.
@@ -135,7 +135,7 @@ class Chain:
         )
         unseen_s = tracked.tracker.tracks.unseen_s
         bodies = bodies_ahead(echo.tracks, unseen_s, speed, readings.yaw_rate_rps)
-        vision = self.vision.told(vision, bodies, echo.watched)
+        vision = self.vision.with_bodies(vision, bodies, echo.watched)
         reference = self._judge.reference(truth, ahead.curvature_1pm, motion, speed, path, half_span_m)
         columns = step_columns.of_truth(truth, snapshot) | step_columns.of_sight(sight)
         columns |= step_columns.of_motion(motion) | step_columns.of_warning(crossing, warning)

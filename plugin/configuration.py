@@ -124,7 +124,7 @@ CONFIGURATION = "configuration.json"
 
 
 class RunSettings(NamedTuple):
-    """What `configuration.json` beside a run's tables says."""
+    """Contents of `configuration.json` beside a run's tables."""
 
     configuration: Configuration
     run_id: str

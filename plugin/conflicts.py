@@ -74,7 +74,7 @@ def nobody(n: int) -> Leaders:
 
 
 class LaneOrder:
-    """Who drives ahead of whom on SUMO's lanes, across edges and junctions along each vehicle's route."""
+    """Leaders on SUMO's lanes, across edges and junctions along each vehicle's route."""
 
     def __init__(
         self, graph: LaneGraph, lane_ids: list[str], route_ahead: Callable[[int], tuple[str, ...]]

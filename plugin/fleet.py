@@ -16,7 +16,7 @@ from sumo_net.snapshot import Snapshot
 Array = np.ndarray[Any, Any]
 J = TypeVar("J")
 
-UNEVEN = 1 / 64  # of the fleet, at least HANDFUL vehicles: if parts differ by more, the fleet is split anew
+UNEVEN = 1 / 64  # of the fleet, at least HANDFUL vehicles: if parts differ by more, they are split again
 HANDFUL = 4
 LEAST_PART = 16  # vehicles per thread, which share the cost of its calls
 

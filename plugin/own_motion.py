@@ -15,7 +15,7 @@ Array = np.ndarray[Any, Any]
 
 
 class OwnMotion(NamedTuple):
-    """What n vehicles know of their own motion without camera and radar, (n,) each."""
+    """The own motion of n vehicles as known without camera and radar, (n,) each."""
 
     readings: Readings
     observed: OwnReadings  # for the observer: NaN where it uses the camera alone

@@ -139,7 +139,7 @@ class Recorder:
             self._waiting.popleft().result()
 
     def table(self, name: str) -> pd.DataFrame:
-        """What has been recorded of one table so far."""
+        """One table, as far as recorded."""
         schema = arrow_schema(self._schema[name])
         if self.directory is None:
             return to_pandas(pa.concat_tables([schema.empty_table(), *self._memory[name]]))

@@ -120,7 +120,7 @@ class Vision:
         ]
         return join(*(after for after, _ in done)), join(*(sight for _, sight in done))
 
-    def told(self, state: VisionState, bodies: Bodies, watched: Watched) -> VisionState:
+    def with_bodies(self, state: VisionState, bodies: Bodies, watched: Watched) -> VisionState:
         """The state for the next frame, in which the bodies (B,), at their places then, hide the road.
 
         watched : the rears to measure, (n,).

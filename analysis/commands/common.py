@@ -21,14 +21,14 @@ _HELD = {"run": "configuration.json", "campaign": "plan.json"}
 
 
 class Mode(enum.StrEnum):
-    """Which chain runs."""
+    """The chain to run."""
 
     PAPER = "paper"
     REFINED = "refined"
 
 
 class Format(enum.StrEnum):
-    """How tables are written."""
+    """File formats of tables."""
 
     CSV = "csv"
     PARQUET = "parquet"

@@ -13,8 +13,8 @@ from analysis.plots.style import BLACK, GREY, ORANGE, SERIES, SKY, VERMILLION, s
 LANE_M = 3.75  # lane width of the road runs
 _STEADY_CASES = {
     "known": "R known",
-    "too_small": "told R/25",
-    "too_large": "told 25 R",
+    "too_small": "given R/25",
+    "too_large": "given 25 R",
     "changing": "R grows ninefold",
 }
 _FILTERS = {

@@ -69,7 +69,7 @@ def drive(
     seed: int = 1,
     told: Callable[[int, int], None] = lambda done, all_: None,
 ) -> Outcome:
-    """Drive all trials; `changes` override the protocol's settings, `told` receives the number of runs done.
+    """Drive all trials; `changes` override the protocol's settings, `told` gets the runs done and all runs.
 
     Raises SettingsError or TrafficError.
     """

@@ -147,15 +147,15 @@ def _cards(tables: dict[str, pd.DataFrame], sweeps: dict[str, pd.DataFrame]) -> 
         ),
         card(
             "Hits against unwanted warnings",
-            "Each point is a threshold of the warning (its value beside it), judged on the stored runs "
+            "Each point is a threshold of the warning (its value beside it), evaluated on the stored runs "
             "without simulating again.",
             lambda: figures.roc(sweeps),
             wide=True,
         ),
         card(
-            "What the warnings are good for",
-            "Departures and conflicts a run that drivers who heed their warnings avoid, paired by seed, with "
-            "the bootstrap's interval.",
+            "Benefit of the warnings",
+            "Departures and conflicts per run that reacting drivers avoid, paired by seed, with bootstrap "
+            "intervals.",
             lambda: figures.benefit(tables["benefit"]),
             wide=True,
         ),

@@ -294,4 +294,4 @@ def _percent(share: float) -> str:
 def _number(value: float, unit: str, decimals: int = 2) -> str:
     if math.isnan(value):
         return "–"
-    return "not foreseen" if math.isinf(value) else f"{value:.{decimals}f} {unit}".strip()
+    return "not predicted" if math.isinf(value) else f"{value:.{decimals}f} {unit}".strip()

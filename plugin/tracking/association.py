@@ -1,4 +1,4 @@
-"""Which detection belongs to which track: gate and global nearest neighbour, all vehicles at once.
+"""Association of detections with tracks: gate and global nearest neighbour, all vehicles at once.
 
 A pair in the gate whose track and detection have no other candidate is taken directly. All others are split
 into small dense blocks of a few vehicles each, which scipy solves one after the other: a call's cost depends

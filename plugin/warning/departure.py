@@ -54,7 +54,7 @@ CODES = ("inactive", "ready", "warning left", "warning right", "suppressed", "la
 
 @settings
 class DepartureSettings:
-    """When the driver is warned."""
+    """Conditions of the lane-departure warning."""
 
     threshold_s: float = Field(
         1.0, gt=0, le=3, description="time to lane crossing below which a warning begins"
@@ -146,7 +146,7 @@ class DepartureState(NamedTuple):
 
 
 class DepartureWarning(NamedTuple):
-    """What the driver gets, (n,) int8 each."""
+    """Output for the driver, (n,) int8 each."""
 
     code: Array  # INACTIVE, READY, WARNING_LEFT, WARNING_RIGHT, SUPPRESSED, LANE_NOT_SEEN
     side: Array  # of the warning that is on: +1 left, -1 right, 0 none
