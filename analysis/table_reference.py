@@ -19,6 +19,9 @@ Each table is one file, CSV or Parquet, with one header. SI units are in the col
 means "not applicable" or "not known", never 0. Left is positive: offsets, headings, curvatures, rates.
 Columns named `true_…` hold the truth of the simulation, which the vehicle's estimators never see. Later
 versions may add columns.
+
+`plugin.record.read_table("out", "steps")` reads either format, also of interrupted runs, into a DataFrame with
+these types. pandas' own `read_csv` takes a vehicle called `7` for a number and one called `NaN` for an empty cell.
 """
 
 
