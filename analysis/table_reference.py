@@ -20,8 +20,9 @@ means "not applicable" or "not known", never 0. Left is positive: offsets, headi
 Columns named `true_…` hold the truth of the simulation, which the vehicle's estimators never see. Later
 versions may add columns.
 
-`plugin.record.read_table("out", "steps")` reads either format, also of interrupted runs, into a DataFrame with
-these types. pandas' own `read_csv` takes a vehicle called `7` for a number and one called `NaN` for an empty cell.
+`plugin.record.read_table("out", "steps")` reads either format, also of interrupted runs, into a DataFrame
+with these types. pandas' own `read_csv` takes a vehicle called `7` for a number and one called `NaN` for an
+empty cell.
 """
 
 
