@@ -93,7 +93,7 @@ def test_no_message_can_steer_the_terminal(tmp_path: Path) -> None:
 
 def test_a_path_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text('net_file = "a\\u0000b"')
-    with pytest.raises(SettingsError, match=r"net_file = 'a\\x00b': is no name"):
+    with pytest.raises(SettingsError, match=r"net_file = 'a\\x00b': is not a file name"):
         load_configuration(str(tmp_path / "a.toml"))
 
 
