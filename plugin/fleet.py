@@ -32,9 +32,11 @@ class Fleet:
     """The equipped vehicles in the order of their handles, in one part for each thread that pays."""
 
     def __init__(self, chain: Chain, name: Callable[[int], str], threads: int | None = None) -> None:
-        """`name`: id of a vehicle by handle. `threads`: by default one for each processor."""
+        """`name`: id of a vehicle by handle. `threads`: at least 1, by default one for each processor."""
+        if threads is not None and threads < 1:
+            raise ValueError(f"threads = {threads}: must be at least 1")
         self._chain, self._name = chain, name
-        self._threads = threads or os.cpu_count() or 1
+        self._threads = os.cpu_count() or 1 if threads is None else threads
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._parts = [_whole(chain.init(np.zeros(0, np.int64), []))]
 

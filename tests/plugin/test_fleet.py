@@ -88,3 +88,9 @@ def test_who_leaves_and_who_comes_move_nobody_of_the_other_part(leaves: int) -> 
     same = [one.state(part) is state for part, state in zip(one._parts, before, strict=True)]
     assert same == [leaves > 101, False]
     assert chain.copied < 4 * 100
+
+
+@pytest.mark.parametrize("threads", [0, -1])
+def test_a_fleet_needs_a_thread(threads: int) -> None:
+    with pytest.raises(ValueError, match=f"threads = {threads}: must be at least 1"):
+        fleet(threads)
