@@ -36,7 +36,7 @@ class Fleet:
         if threads is not None and threads < 1:
             raise ValueError(f"threads = {threads}: must be at least 1")
         self._chain, self._name = chain, name
-        self._threads = os.cpu_count() or 1 if threads is None else threads
+        self._threads = threads if threads is not None else (os.cpu_count() or 1)
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._parts = [_whole(chain.init(np.zeros(0, np.int64), []))]
 

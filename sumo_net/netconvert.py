@@ -3,6 +3,8 @@
 import subprocess
 from pathlib import Path
 
+from sumo_net.start_up import cause
+
 
 class BuildError(RuntimeError):
     """netconvert is missing or failed."""
@@ -21,5 +23,5 @@ def netconvert(net_file: Path, *options: str) -> None:
     command = [str(program), f"--output-file={net_file}", "--xml-validation=never", *options]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0 or not net_file.is_file():
-        said = " ".join((done.stderr or done.stdout).split())
+        said = cause(done.stderr, done.stdout)
         raise BuildError(f"{net_file}: netconvert failed (exit {done.returncode}): {said}")

@@ -148,6 +148,14 @@ def test_what_is_no_road(tmp_path: Path, name: str, text: str, words: str) -> No
     assert words in str(caught.value)
 
 
+def test_what_netconvert_says_of_a_file_cannot_steer_a_terminal(tmp_path: Path) -> None:
+    file = tmp_path / "a.osm"
+    file.write_text(openstreetmap().replace('lat="48.0"', 'lat="4\x7f\u202e8"'))
+    with pytest.raises(SettingsError, match="netconvert failed") as caught:
+        scenario.prepare(load_configuration(str(file)), tmp_path / "work")
+    assert str(caught.value).isprintable()
+
+
 def test_who_keeps_left_is_asked_of_converted_roads_alone() -> None:
     with pytest.raises(SettingsError, match="lefthand = true: only with a net_file that is converted"):
         load_configuration("highway", {"lefthand": True})
