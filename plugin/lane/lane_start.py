@@ -58,6 +58,14 @@ class Room(NamedTuple):
     expected: Array
 
 
+class Given(NamedTuple):
+    """The published search's result for a vehicle."""
+
+    there: bool | np.bool_
+    left: Array  # (3,) a, b, c of the parabola
+    right: Array
+
+
 def room_for(rows: int) -> Room:
     """Work space for `rows` image rows."""
     return Room(
@@ -102,25 +110,26 @@ def lean_to_lane(predicted, about, speed, yaw_rate, t, work, scratch):  # type: 
 
 
 @kernel
-def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, followed, t, work, room, x, P):  # type: ignore[no-untyped-def]
+def start(frame, given, about, least, followed, rows, p, t, work, room, x, P):  # type: ignore[no-untyped-def]
     """Find the lane without prior knowledge into x, P. Returns the rows that support it, 0 for no lane.
 
     least: lanes with no more supporting rows than this count as none.
     followed (STATES,): a confirmed lane, or NaN; where the best vote leads to it, no other is tried.
 
-    left, right: the search's a, b, c of this vehicle where `given`. about: the expected heading, rad.
-    yaw_rate: the vehicle's own, NaN for none; the more a lane contradicts it, the fewer its rows count.
+    given: the published search's result, Given. about: the expected heading, rad. The more a lane contradicts
+    the vehicle's own yaw rate, the fewer its rows count.
     """
+    image, speed, yaw_rate = frame.image, frame.speed, frame.yaw_rate
     best = least
     trial, predicted = room.trial, room.predicted
     lane_start(t, trial)
     place_borders(trial, 0.0, rows, p, t, work)
-    noise = pixel_noise(frame, rows, work)
-    found = ridge_points(frame, rows, p, t, noise, work, room.ridge, room.point)
+    noise = pixel_noise(image, rows, work)
+    found = ridge_points(image, rows, p, t, noise, work, room.ridge, room.point)
     vote(room.point, found, about, t, room.bin_of, room.bins, room.smooth, room.starts, room.score)
     for attempt in range(STARTS + 1):
         if attempt == STARTS:
-            if not given:
+            if not given.there:
                 continue
             lane_start(t, trial)
             copy_vector(trial, predicted)
@@ -128,7 +137,7 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, fol
             if not invert(P, work.factor, work.prior):
                 continue
             predict_spread(trial, P, 0.0, rows, p, t, work)
-            parabola_as_candidates(left, right, rows, work)
+            parabola_as_candidates(given.left, given.right, rows, work)
             if not fit(trial, 0.0, predicted, rows, p, t, 1.0, np.int64(3), work):
                 continue
         else:
@@ -146,8 +155,8 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, fol
         predict_spread(trial, P, 0.0, rows, p, t, work)
         if not lean_to_lane(predicted, about, speed, yaw_rate, t, work, room.x):
             continue
-        noise = pixel_noise(frame, rows, work)
-        gather(frame, rows, t, noise, work)
+        noise = pixel_noise(image, rows, work)
+        gather(image, rows, t, noise, work)
         if not fit(trial, 0.0, predicted, rows, p, t, 1.0, np.int64(6), work):
             continue
         if attempt == 0 and close(trial, followed, t):
@@ -156,7 +165,7 @@ def start(frame, left, right, given, about, rows, p, speed, yaw_rate, least, fol
         if not invert(work.information, work.factor, room.covariance):
             continue
         predict_spread(trial, room.covariance, 0.0, rows, p, t, work)
-        gather(frame, rows, t, noise, work)
+        gather(image, rows, t, noise, work)
         if most_support(work) <= best:
             continue
         if not fit(trial, 0.0, predicted, rows, p, t, 1.0, np.int64(5), work):

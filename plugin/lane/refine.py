@@ -18,17 +18,11 @@ from pydantic import Field, model_validator
 from camera_synth.camera import WIDTH_PX, Projection
 from plugin.lane.acquire import WIDEST_M
 from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.follow import LOCKED, SEARCHING
 from plugin.lane.hidden import nothing_hidden
 from plugin.lane.lane_start import room_for
 from plugin.lane.refine_fit import workspace
-from plugin.lane.refine_kernels import (
-    LOCKED,
-    REACH_M,
-    SEARCHING,
-    columns_kernel,
-    parabola_kernel,
-    step_kernel,
-)
+from plugin.lane.refine_kernels import REACH_M, columns_kernel, parabola_kernel, step_kernel
 from plugin.lane.rival import RIVAL
 from plugin.lane.road_model import STATES, rows_to_read
 from sumo_net.settings import settings
