@@ -27,8 +27,24 @@ COLUMNS_PX = np.arange(80.0, 242.0, 3.0)
 MOST_FRAMES = 30  # of a video
 THRESHOLD = tuning(Refine(contrast=8.0), 33.5)
 BIN_PX, BINS = 6.0, 200
+VANISHING_STD_PX = 40.0  # of the vanishing point about the picture's middle
 DIRECTION_SPREAD = 0.35  # columns per row
-LEAST_POINTS = 8  # on a line
+LEAST_POINTS = 6  # on a line
+LEAST_SLOPE, LEAST_SPREAD = 0.2, 0.3  # columns per row
+LEAST_VOTES, PRESENT_VOTES = 3.0, 5.0  # of a line: to count at all; to be more likely there than not
+CLEAR_SHARE = 0.15  # of a lane's width: closer to its border, a line may be the other one of a pair
+USUAL_HEIGHT_M, HEIGHT_LOG_STD = 1.4, 0.4  # of cameras in vehicles: 1.4 m up, within a factor of 1.5
+WIDTH_LOG_STD = 0.2  # of lanes, about the stated width
+
+
+class Usual(NamedTuple):
+    """Which spread of its lines (slope_right - slope_left) a lane usually has."""
+
+    spread: float
+    log_std: float = HEIGHT_LOG_STD
+
+
+USUAL = Usual(3.7 / USUAL_HEIGHT_M)
 
 
 class Lines(NamedTuple):
@@ -89,12 +105,19 @@ def propose(
                 )
             size = recorded.size_px
             looked += 1
-            lines = lane_lines(recorded.grey)
+            lines = lane_lines(recorded.grey, _usual(size, lane_width_m, height_m))
             if lines is not None:
                 found.append(lines)
     if not found:
         raise FootageError(f"{sources[0]}: shows no two lane lines that meet (looked at {looked} images)")
     return _propose(found, looked, size, lane_width_m, height_m, field_of_view_rad)
+
+
+def _usual(size: tuple[int, int], lane_width_m: float, height_m: float | None) -> Usual:
+    squeezed = WIDTH_PX / size[0] * size[1] / HEIGHT_PX  # f_x / f_y
+    if height_m is None:
+        return Usual(squeezed * lane_width_m / USUAL_HEIGHT_M)
+    return Usual(squeezed * lane_width_m / height_m, WIDTH_LOG_STD)
 
 
 def _propose(
@@ -150,11 +173,34 @@ def as_toml(camera: Camera) -> str:
     return "".join(f"{name} = {float(value)!r}\n" for name, value in values if value is not None)
 
 
-def lane_lines(grey: Array) -> Lines | None:
+def lane_lines(grey: Array, usual: Usual = USUAL) -> Lines | None:
     """The vanishing point and the lines of the own lane in a (240, 320) picture; None if not found."""
     points = _ridges(grey)
-    if len(points) < 2 * LEAST_POINTS:
+    found = _vanishing_point(points)
+    if found is None:
         return None
+    column, horizon, votes = found
+    pair = _own_lane(votes, horizon, usual)
+    if pair is None:
+        return None
+    left_line = _line(points, column, horizon, pair[0])
+    right_line = _line(points, column, horizon, pair[1])
+    if left_line is None or right_line is None:
+        return None
+    (a_left, m_left), (a_right, m_right) = left_line, right_line
+    if m_right - m_left < LEAST_SPREAD:
+        return None
+    # intersection of x = a - m y of both sides
+    y_v = (a_right - a_left) / (m_right - m_left)
+    return Lines(a_left - m_left * y_v, y_v, m_left, m_right)
+
+
+def _vanishing_point(points: Array) -> tuple[float, float, Array] | None:
+    """(column, y) where the strongest lines of both sides meet, and the votes (BINS,) for lines through it.
+
+    A bin is where a line meets the bottom row; the middle one is below the vanishing point.
+    """
+    usual_column = np.exp(-0.5 * ((COLUMNS_PX - 0.5 * WIDTH_PX) / VANISHING_STD_PX) ** 2)
     best, chosen = 0.0, None
     for horizon in HORIZONS_PX:
         x, y, direction, strength = points[horizon - points[:, 1] > 12.0].T
@@ -164,6 +210,7 @@ def lane_lines(grey: Array) -> Lines | None:
         slope = (x - COLUMNS_PX[:, None]) / (horizon - y)
         cell = np.floor(slope * horizon / BIN_PX).astype(int) + BINS // 2
         weight = strength * np.exp(-(((slope - direction) / DIRECTION_SPREAD) ** 2))
+        weight *= np.minimum(2.0 * (horizon - y) / horizon, 1.0)  # near the horizon is much that is no road
         inside = (cell >= 0) & (cell < BINS)
         flat = (np.arange(len(COLUMNS_PX))[:, None] * BINS + cell)[inside]
         votes: Array = np.bincount(flat, weights=weight[inside], minlength=BINS * len(COLUMNS_PX)).reshape(
@@ -172,32 +219,48 @@ def lane_lines(grey: Array) -> Lines | None:
         smooth = votes.copy()
         smooth[:, 1:-1] += 0.5 * (votes[:, :-2] + votes[:, 2:])
         # every point of a single strong line fits: only lines on both sides determine the vanishing point
-        gap = int(0.2 * horizon / BIN_PX)
+        gap = _gap(horizon)
         left, right = smooth[:, : BINS // 2 - gap], smooth[:, BINS // 2 + gap :]
-        score = np.sqrt(left.max(axis=1) * right.max(axis=1))
+        score = np.sqrt(left.max(axis=1) * right.max(axis=1)) * usual_column
+        score *= math.exp(-0.5 * ((horizon - 0.5 * HEIGHT_PX) / VANISHING_STD_PX) ** 2)
         k = int(np.argmax(score))
         if score[k] > best:
-            middle = 0.5 - BINS // 2
-            chosen = (
-                float(COLUMNS_PX[k]),
-                float(horizon),
-                float((np.argmax(left[k]) + middle) * BIN_PX / horizon),
-                float((np.argmax(right[k]) + BINS // 2 + gap + middle) * BIN_PX / horizon),
-            )
+            chosen = float(COLUMNS_PX[k]), float(horizon), smooth[k]
             best = float(score[k])
-    if chosen is None:
-        return None
-    column, horizon, *slopes = chosen
-    left_line = _line(points, column, horizon, slopes[0])
-    right_line = _line(points, column, horizon, slopes[1])
-    if left_line is None or right_line is None:
-        return None
-    (a_left, m_left), (a_right, m_right) = left_line, right_line
-    if m_right - m_left < 0.3:
-        return None
-    # intersection of x = a - m y of both sides
-    y_v = (a_right - a_left) / (m_right - m_left)
-    return Lines(a_left - m_left * y_v, y_v, m_left, m_right)
+    return chosen
+
+
+def _gap(horizon: float) -> int:
+    """Bins on either side of the middle that no line of the own lane falls into."""
+    return int(LEAST_SLOPE * horizon / BIN_PX)
+
+
+def _own_lane(votes: Array, horizon: float, usual: Usual) -> tuple[float, float] | None:
+    """Slopes of the lines left and right of the camera that are the own lane's.
+
+    The strongest lines may be the road's edges, lanes away: a line between two counts against them, and so
+    does a spread at which the camera would be unusually high or low.
+    """
+    inner = votes[1:-1]
+    peaks = 1 + np.flatnonzero((inner >= votes[:-2]) & (inner > votes[2:]))
+    slope = (peaks + 0.5 - BINS // 2) * BIN_PX / horizon
+    gap = _gap(horizon)
+    left = peaks < BINS // 2 - gap
+    right = peaks >= BINS // 2 + gap
+    lines = (left | right) & (votes[peaks] > LEAST_VOTES)
+    there = np.where(lines, votes[peaks] / (votes[peaks] + PRESENT_VOTES), 0.0)
+    best, chosen = 0.0, None
+    for i in np.flatnonzero(left & lines):
+        for j in np.flatnonzero(right & lines):
+            spread = slope[j] - slope[i]
+            clear = CLEAR_SHARE * spread
+            between = (slope > slope[i] + clear) & (slope < slope[j] - clear)
+            off = math.log(spread / usual.spread) / usual.log_std
+            score = math.sqrt(there[i] * there[j]) - float(there[between].max(initial=0.0))
+            score *= math.exp(-0.5 * off * off)
+            if score > best:
+                best, chosen = score, (float(slope[i]), float(slope[j]))
+    return chosen
 
 
 def _line(points: Array, column: float, horizon: float, slope: float) -> tuple[float, float] | None:
@@ -247,9 +310,11 @@ def _ridges(grey: Array) -> Array:
         for column, strength in rows[i].items():
             below = _nearest(rows[i - reach], column)
             above = _nearest(rows[i + reach], column)
-            if below is None or above is None:
+            if below is None and above is None:
                 continue
-            points.append((column, float(ys[i]), (below - above) / (2.0 * reach), strength))
+            length = reach * ((below is not None) + (above is not None))
+            direction = ((column if below is None else below) - (column if above is None else above)) / length
+            points.append((column, float(ys[i]), direction, strength))
     return np.array(points).reshape(-1, 4)
 
 

@@ -37,6 +37,21 @@ def test_a_known_camera_is_found(tmp_path, camera):
     assert known.camera.height_m == camera.height_m
 
 
+@pytest.mark.parametrize("height_m", [1.1, 1.5, 2.1])
+@pytest.mark.parametrize("lanes_beside", [(1, 1), (2, 0), (0, 1)])
+def test_the_lines_of_the_own_lane_are_taken_not_those_of_the_road(tmp_path, height_m, lanes_beside):
+    camera = Camera(height_m=height_m, focal_px=280.0, pitch_rad=0.04)
+    left, right = 1.7, -1.8
+    edges = (left + 3.5 * lanes_beside[0], right - 3.5 * lanes_beside[1])
+    dashed = draw((left, right), camera=camera, dash_m=6.0, phase_m=4.0, sky=90.0)
+    solid = draw(edges, camera=camera, line_m=0.2)
+    picture = tmp_path / "road.png"
+    cv2.imwrite(str(picture), np.maximum(dashed, solid))
+    field = 2 * math.atan(160.0 / camera.focal_px)
+    found = propose([picture], lane_width_m=left - right, field_of_view_rad=field).camera
+    assert found.height_m == pytest.approx(height_m, rel=0.04)
+
+
 def test_the_proposal_is_a_camera_file(tmp_path, capsys):
     picture = tmp_path / "road.png"
     cv2.imwrite(str(picture), draw(camera=Camera(focal_px=300.0, pitch_rad=0.04), line_m=0.2))
@@ -83,3 +98,16 @@ def test_real_pictures_agree_on_the_camera():
     video = propose([DATA / "solidWhiteRight.mp4"]).camera
     assert video.pitch_rad == pytest.approx(camera.pitch_rad, abs=0.01)
     assert video.height_m == pytest.approx(camera.height_m, rel=0.08)
+
+
+@real
+def test_pale_lines_count_more_than_trees_beyond_the_road(tmp_path):
+    camera = propose(sorted(DATA.glob("*.jpg"))).camera
+    for picture in sorted(DATA.glob("*.jpg")):
+        pale = cv2.imread(str(picture)).astype(float)
+        road = pale[330:]  # of 540 rows
+        road[:] = np.clip(165.0 + 0.15 * (road - 90.0), 0, 255)
+        cv2.imwrite(str(tmp_path / "pale.png"), pale.astype(np.uint8))
+        found = propose([tmp_path / "pale.png"]).camera
+        assert found.horizon_y_px == pytest.approx(camera.horizon_y_px, abs=6.0), picture.name
+        assert found.height_m == pytest.approx(camera.height_m, rel=0.1), picture.name
