@@ -172,7 +172,7 @@ def scores() -> None:
     )
     track_truth_kernels.rows(one, tracks, tracks.confirmed, target, shown, floats, tracks.confirmed)
     seen = in_view(objects, none, one)
-    ConflictBook().add(0.0, one, nobody(1), nobody(1), seen, still, np.zeros(1, np.int8), still)
+    ConflictBook().add(0.0, one, nobody(1), nobody(1), nobody(1), seen, still, np.zeros(1, np.int8), still)
     rounded(still, 1.0)
 
 
@@ -186,7 +186,7 @@ def _no_tracks() -> Any:
 
 def own_drive() -> None:
     """Compile the equipped vehicles' drivers and dynamics, and the road that they see."""
-    from plugin.conflicts import path_leaders
+    from plugin.conflicts import path_leaders, warned_of
     from sumo_net.bend_speed_kernels import bend_speeds
     from sumo_net.driver import Driver, attentive, numbers, traits
     from sumo_net.ego import Ego, standing
@@ -208,6 +208,7 @@ def own_drive() -> None:
     )  # fmt: skip
     bodies = Objects(np.zeros((0, MAX_OBJECTS), np.int64), *(np.zeros((0, MAX_OBJECTS)),) * 7)
     path_leaders(truth, bodies, table, vehicle.bumper_m)
+    warned_of(truth, bodies, table, truth.handle, vehicle.bumper_m, 0.0, 0.0)
     bend_speeds(table, truth.path, no, no, 0.0, 0.0)
     uniform(np.uint64(0), 0)
     uniforms(np.zeros(0, np.uint64), 0)

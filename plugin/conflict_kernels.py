@@ -86,8 +86,8 @@ def _approached(leader, i, speed, closing, close):  # type: ignore[no-untyped-de
 
 
 @kernel
-def approaches(leader, in_path, speed, closing, close, ttc):  # type: ignore[no-untyped-def]
-    """Which vehicles (A,) approach `leader` or the one `in_path` (Leaders); which (B,) are in conflict.
+def approaches(leader, in_path, target, speed, closing, close, ttc):  # type: ignore[no-untyped-def]
+    """Which vehicles (A,) approach any of three Leaders; which (B,) are in conflict.
 
     Approaching: closing at more than `closing` m/s, or less than `close` s behind at the own speed (n,). In
     conflict: a time to collision with `leader` under `ttc` s.
@@ -95,7 +95,9 @@ def approaches(leader, in_path, speed, closing, close, ttc):  # type: ignore[no-
     n = len(speed)
     approached, near, a, b = np.empty(n, np.int64), np.empty(n, np.int64), 0, 0
     for i in range(n):
-        if _approached(leader, i, speed, closing, close) or _approached(in_path, i, speed, closing, close):
+        approaching = _approached(leader, i, speed, closing, close)
+        approaching = approaching or _approached(in_path, i, speed, closing, close)
+        if approaching or _approached(target, i, speed, closing, close):
             approached[a] = i
             a += 1
         if leader.ttc_s[i] < ttc:
@@ -118,35 +120,72 @@ def _far_aside(table, path, x, y, station, centre, within):  # type: ignore[no-u
 
 
 @kernel
-def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[no-untyped-def]
-    """The nearest body ahead that reaches into the lane which contains the vehicle, whatever SUMO's lane is.
+def _place(truth, i, objects, m, table, bumper, overlap, entered):  # type: ignore[no-untyped-def]
+    """Gap of body m along the path of vehicle i if it is in its way, else NaN.
 
-    It must reach in by `overlap` m, or lie straight ahead of the own body within two seconds: a vehicle that
-    leaves its lane may hit what stands beside the road. Gap and closing speed are along the path. Fills
-    `out` (Leaders).
+    It must reach by `overlap` m into the lane that contains the vehicle or the one `entered` m beside it, or
+    lie straight ahead of the own body within two seconds: a vehicle that leaves its lane may hit what stands
+    beside the road.
+    """
+    forward, left = objects.forward_m[i, m], objects.left_m[i, m]
+    cos, sin = math.cos(truth.heading_rad[i]), math.sin(truth.heading_rad[i])
+    x, y = truth.x_m[i] + cos * forward - sin * left, truth.y_m[i] + sin * forward + cos * left
+    centre = truth.path_offset_m[i] - truth.lane_offset_m[i] + 0.5 * entered
+    half = 0.5 * objects.width_m[i, m]
+    straight = abs(left) <= half + _HALF_BODY_M and forward <= 2.0 * truth.speed_mps[i]
+    within = 0.5 * (truth.lane_width_m[i] + abs(entered)) + half - overlap
+    guess = truth.station_m[i] + forward
+    if not straight and _far_aside(table, truth.path[i], x, y, guess, centre, within):
+        return math.nan
+    s, d = project(table, truth.path[i], x, y, guess)
+    if not (straight or abs(d - centre) <= within):
+        return math.nan
+    return s - truth.station_m[i] - bumper - 0.5 * objects.length_m[i, m]
+
+
+@kernel
+def _lead(truth, i, objects, m, gap, out):  # type: ignore[no-untyped-def]
+    """Body m, `gap` m ahead along the path, as the leader of vehicle i into `out` (Leaders)."""
+    closing = truth.speed_mps[i] - objects.speed_mps[i, m] * math.cos(objects.heading_rad[i, m])
+    out.handle[i], out.gap_m[i], out.closing_mps[i] = objects.handle[i, m], gap, closing
+    out.ttc_s[i] = max(gap, 0.0) / closing if closing > 0.0 else math.inf
+
+
+@kernel
+def path_leaders(truth, objects, table, bumper, overlap, out):  # type: ignore[no-untyped-def]
+    """The nearest body in the way (`_place`) of each vehicle in its lane, whatever SUMO's lane is.
+
+    Gap and closing speed are along the path. Fills `out` (Leaders), which must be empty before.
     """
     n, M = objects.forward_m.shape
     for i in range(n):
-        cos, sin = math.cos(truth.heading_rad[i]), math.sin(truth.heading_rad[i])
-        centre = truth.path_offset_m[i] - truth.lane_offset_m[i]
         for m in range(M):
-            forward, left = objects.forward_m[i, m], objects.left_m[i, m]
+            forward = objects.forward_m[i, m]
             if objects.handle[i, m] == -1 or forward < 0.0:
                 continue
             if forward - bumper - 0.5 * objects.length_m[i, m] >= out.gap_m[i]:
                 continue  # the path is no shorter than the straight line; NaN (no leader) is not greater
-            x, y = truth.x_m[i] + cos * forward - sin * left, truth.y_m[i] + sin * forward + cos * left
-            half = 0.5 * objects.width_m[i, m]
-            straight = abs(left) <= half + _HALF_BODY_M and forward <= 2.0 * truth.speed_mps[i]
-            within = 0.5 * truth.lane_width_m[i] + half - overlap
-            guess = truth.station_m[i] + forward
-            if not straight and _far_aside(table, truth.path[i], x, y, guess, centre, within):
-                continue
-            s, d = project(table, truth.path[i], x, y, guess)
-            if not (straight or abs(d - centre) <= within):
-                continue
-            gap = s - truth.station_m[i] - bumper - 0.5 * objects.length_m[i, m]
-            if gap < out.gap_m[i] or out.handle[i] == -1:
-                closing = truth.speed_mps[i] - objects.speed_mps[i, m] * math.cos(objects.heading_rad[i, m])
-                out.handle[i], out.gap_m[i], out.closing_mps[i] = objects.handle[i, m], gap, closing
-                out.ttc_s[i] = max(gap, 0.0) / closing if closing > 0.0 else math.inf
+            gap = _place(truth, i, objects, m, table, bumper, overlap, 0.0)
+            if gap < out.gap_m[i] or (out.handle[i] == -1 and not math.isnan(gap)):
+                _lead(truth, i, objects, m, gap, out)
+
+
+@kernel
+def warned_of(truth, objects, table, target, bumper, overlap, entering, out):  # type: ignore[no-untyped-def]
+    """The bodies `target` (n,), -1 for none, where they are in the way of their vehicles (`_place`).
+
+    The lane that a vehicle is in after `entering` s at its present lateral speed counts, too. Fills `out`
+    (Leaders), which must be empty before.
+    """
+    for i in range(len(target)):
+        if target[i] == -1:
+            continue
+        sine, cosine = math.sin(truth.lane_heading_rad[i]), math.cos(truth.lane_heading_rad[i])
+        across = truth.speed_mps[i] * sine + truth.lateral_speed_mps[i] * cosine
+        aside, width = truth.lane_offset_m[i] + entering * across, truth.lane_width_m[i]
+        entered = math.copysign(width, aside) if abs(aside) > 0.5 * width else 0.0
+        for m in range(objects.handle.shape[1]):
+            if objects.handle[i, m] == target[i] and objects.forward_m[i, m] >= 0.0:
+                gap = _place(truth, i, objects, m, table, bumper, overlap, entered)
+                if not math.isnan(gap):
+                    _lead(truth, i, objects, m, gap, out)

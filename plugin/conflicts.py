@@ -55,6 +55,12 @@ class ConflictSettings:
     )
     reach_m: float = Field(200.0, gt=0, description="distance up to which leaders are considered")
     overlap_m: float = Field(0.3, ge=0, description="bodies that reach this far into the lane are in path")
+    entering_s: float = Field(
+        1.0, ge=0, description="the lane that will be reached in this time justifies a nuisance, too"
+    )
+    braking_mps2: float = Field(
+        2.0, gt=0, description="a warning of a body ahead that brakes this hard is at least a nuisance"
+    )
 
 
 class Leaders(NamedTuple):
@@ -139,6 +145,24 @@ def path_leaders(
     return out
 
 
+def warned_of(
+    truth: EgoTruth,
+    objects: Objects,
+    table: RoadTable,
+    target: Array,
+    bumper_m: float,
+    overlap_m: float,
+    entering_s: float,
+) -> Leaders:
+    """The bodies `target` (n,), -1 for none, where they are in the way, nobody where they are not.
+
+    In the way: in the lane of the vehicle, in the one that it reaches within `entering_s`, or straight ahead.
+    """
+    out = nobody(len(target))
+    kernels.warned_of(truth, objects, table, target, bumper_m, overlap_m, entering_s, out)
+    return out
+
+
 @dataclass(slots=True)
 class Conflict:
     """One rear-end conflict of a vehicle with one leader."""
@@ -183,6 +207,7 @@ class ConflictBook:
     _archive: list[Conflict | CollisionWarning] = field(default_factory=list)
     _seen: dict[int, tuple[int, float]] = field(default_factory=dict)  # leader, in view since
     _approached: dict[int, float] = field(default_factory=dict)  # time of the last approach
+    _speeds: dict[tuple[int, int], float] = field(default_factory=dict)  # of bodies warned of, a step ago
 
     def add(
         self,
@@ -190,6 +215,7 @@ class ConflictBook:
         handle: Array,
         leader: Leaders,
         in_path: Leaders,
+        target: Leaders,
         visible: Array,
         speed_mps: Array,
         level: Array,
@@ -197,13 +223,17 @@ class ConflictBook:
     ) -> None:
         """One step of n vehicles.
 
-        leader : on SUMO's lanes, defines conflicts; in_path : by position, may also justify warnings.
+        leader : on SUMO's lanes, defines conflicts; in_path : by position, target : the body warned of if it
+        is in the way; both may also justify warnings.
         visible (n,) : the leader is in the radar's view (`in_view`); level (n,) 0, 1, 2 of the
         warning that is on; warned_ttc_s (n,) the estimated time to collision of its target.
         """
         s = self.settings
-        approached, near = kernels.approaches(leader, in_path, speed_mps, s.approach_mps, s.close_s, s.ttc_s)
-        for one in handle[approached].tolist():
+        approached, near = kernels.approaches(
+            leader, in_path, target, speed_mps, s.approach_mps, s.close_s, s.ttc_s
+        )
+        braked = self._braking(handle, target, speed_mps)
+        for one in [*handle[approached].tolist(), *braked]:
             self._approached[one] = time_s
         self._follow_views(time_s, handle, leader.handle, visible)
         for i in near.tolist():
@@ -249,6 +279,17 @@ class ConflictBook:
         self._approached = {one: time for one, time in self._approached.items() if time > until_s - 60.0}
         self._ended = [w for w in self._ended if id(w) not in finished]
         return rows
+
+    def _braking(self, handle: Array, target: Leaders, speed_mps: Array) -> list[int]:
+        """The vehicles, of handle (n,), whose target has braked hard in the step of 0.1 s."""
+        rows = np.flatnonzero(target.handle != NOBODY)
+        pairs = zip(handle[rows].tolist(), target.handle[rows].tolist(), strict=True)
+        before, self._speeds = (
+            self._speeds,
+            dict(zip(pairs, (speed_mps - target.closing_mps)[rows].tolist(), strict=True)),
+        )
+        hard = 0.1 * self.settings.braking_mps2 - 1e-9
+        return [pair[0] for pair, now in self._speeds.items() if before.get(pair, now) - now >= hard]
 
     def _follow_views(self, time_s: float, handle: Array, leader: Array, visible: Array) -> None:
         now: dict[int, tuple[int, float]] = {}

@@ -6,7 +6,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plugin.configuration import Configuration
-from plugin.conflicts import ConflictBook, LaneOrder, Leaders, in_view, path_leaders, table_columns
+from plugin.conflicts import (
+    NOBODY,
+    ConflictBook,
+    LaneOrder,
+    Leaders,
+    in_view,
+    path_leaders,
+    table_columns,
+    warned_of,
+)
 from plugin.ranging import Echo
 from plugin.record import Recorder
 from plugin.schema import TABLES
@@ -27,6 +36,7 @@ class Judged(NamedTuple):
     """The truth of one scan of a part of the fleet, n vehicles."""
 
     by_place: Leaders  # leaders by position, not by SUMO's lane
+    warned_of: Leaders  # the bodies that drivers are warned of, nobody for those that are not in the way
     visible: Array  # (n,) bool: the leader on SUMO's lane is the same, and in the radar's view
     followed: Followed
     tracks: Step
@@ -42,6 +52,7 @@ class RearEndScorer:
         self._recorder, self._traffic, self._roads = recorder, traffic, roads
         self._bumper_m = configuration.vehicle.bumper_m
         self._overlap_m = configuration.conflicts.overlap_m
+        self._entering_s = configuration.conflicts.entering_s
         self._reach_m = configuration.conflicts.reach_m
         self._order = LaneOrder(roads.graph, traffic.lane_ids, traffic.route_ahead)
         self._book = ConflictBook(configuration.conflicts)
@@ -62,24 +73,28 @@ class RearEndScorer:
 
         Parts may be judged concurrently. A neighbour that the vehicle turns towards is not yet in its path.
         """
-        by_place = path_leaders(truth, echo.objects, self._roads.table, self._bumper_m, self._overlap_m)
+        ahead = truth, echo.objects, self._roads.table
+        by_place = path_leaders(*ahead, self._bumper_m, self._overlap_m)
         visible = in_view(echo.objects, echo.seen.share, leader) & (by_place.handle == leader)
         followed, tracks = self._tracks.follow(truth, echo)
+        row = np.where(echo.warning.level > 0, echo.warning.row, -1)
+        target = np.append(tracks.target, NOBODY)[row]
+        warned = warned_of(*ahead, target, self._bumper_m, self._overlap_m, self._entering_s)
         if not self._recording.tracks:
-            return Judged(by_place, visible, followed, tracks, None)
+            return Judged(by_place, warned, visible, followed, tracks, None)
         everything = self._scans % self._recording.roadside_every == 0
         shown = tracks.tracks.confirmed if everything else tracks.tracks.confirmed & (tracks.target >= 0)
-        return Judged(by_place, visible, followed, tracks, tracks.of(shown))
+        return Judged(by_place, warned, visible, followed, tracks, tracks.of(shown))
 
     def add(self, truth: EgoTruth, leader: Leaders, parts: Sequence[tuple[Echo, Judged]]) -> dict[str, Array]:
         """Take one step of n vehicles, part by part; its columns of `steps`, with codes for LABELS."""
         echoes, judged = zip(*parts, strict=True)
         time, warning = self._traffic.time_s, join(*(echo.warning for echo in echoes))
         by_place = join(*(one.by_place for one in judged))
+        target = join(*(one.warned_of for one in judged))
         visible = np.concatenate([one.visible for one in judged])
-        self._book.add(
-            time, truth.handle, leader, by_place, visible, truth.speed_mps, warning.level, warning.ttc_s
-        )
+        speed, level, ttc_s = truth.speed_mps, warning.level, warning.ttc_s
+        self._book.add(time, truth.handle, leader, by_place, target, visible, speed, level, ttc_s)
         self._tracks.keep(one.followed for one in judged)
         self._latest = time, [one.tracks for one in judged]
         self._pending += [(time, one.rows) for one in judged if one.rows is not None]

@@ -18,6 +18,7 @@ from plugin.conflicts import (
     nobody,
     path_leaders,
     table_columns,
+    warned_of,
 )
 from plugin.record import Recorder
 from plugin.schema import TABLES
@@ -122,6 +123,7 @@ def play(
             np.array([4]),
             truth,
             nobody(1),
+            nobody(1),
             np.array([visible]),
             np.array([25.0]),
             np.array([level]),
@@ -191,6 +193,19 @@ def test_outcomes_without_a_conflict(gap: float, closing: float, leader: int, ou
     assert [w["outcome"] for w in warnings] == [outcome, outcome]
 
 
+@pytest.mark.parametrize(("braking", "outcome"), [(4.0, "nuisance"), (1.0, "false")])
+def test_a_body_ahead_that_brakes_hard_makes_a_warning_a_nuisance(braking: float, outcome: str) -> None:
+    """It is 2 m/s faster, and slower by `braking` a second: the gap of 60 m, of 2.4 s, still opens."""
+    book = ConflictBook()
+    for k in range(10):
+        ahead = leaders(9, 60.0, -2.0 + 0.1 * braking * min(k, 4))
+        warned = np.array([int(k >= 3)])
+        ones = np.array([True]), np.array([25.0]), warned, np.array([np.inf])
+        book.add(round(0.1 * k, 1), np.array([4]), ahead, nobody(1), ahead if k > 2 else nobody(1), *ones)
+    _, (warning,) = book.settle(np.inf, True)
+    assert warning["outcome"] == outcome
+
+
 def test_short_pause_does_not_split_a_conflict_and_hidden_leaders_are_told() -> None:
     gaps = np.full(100, 12.0)
     gaps[40:45] = 50.0
@@ -218,8 +233,8 @@ def test_in_view() -> None:
     assert in_view(objects, share, np.array([7, -1])).tolist() == [False, False]
 
 
-def test_leader_by_place() -> None:
-    """A body that reaches into the lane counts, though SUMO may have it elsewhere; one beside does not."""
+def straight_road(heading_rad: float = 0.0, speed_mps: float = 30.0) -> tuple:
+    """One vehicle (EgoTruth) 0.2 m left of the middle of a lane of 3.75 m, and the road (RoadTable)."""
     from sumo_net.ego import EgoTruth
     from sumo_net.road_table import MAX_BORDERS, RoadTable
 
@@ -233,10 +248,17 @@ def test_leader_by_place() -> None:
     )  # fmt: skip
     one = np.zeros(1)
     truth = EgoTruth(
-        np.array([3]), np.zeros(1, np.int32), one + 100.0, one + 0.2, one, one + 100.0, one + 0.2, one,
-        one + 30.0, one, one, one, one, one, one + 0.2, one, one + 3.75,
+        np.array([3]), np.zeros(1, np.int32), one + 100.0, one + 0.2, one + heading_rad,
+        one + 100.0, one + 0.2, one + heading_rad,
+        one + speed_mps, one, one, one, one, one, one + 0.2, one + heading_rad, one + 3.75,
         np.zeros(1, np.int32), *(np.zeros(1, np.int8) for _ in range(4)), np.ones(1, bool),
     )  # fmt: skip
+    return truth, table
+
+
+def test_leader_by_place() -> None:
+    """A body that reaches into the lane counts, though SUMO may have it elsewhere; one beside does not."""
+    truth, table = straight_road()
     beside = {"forward_m": 40.0, "left_m": 3.6, "handle": 5}
     leader = {"forward_m": 80.0, "left_m": -0.2, "handle": 6, "speed_mps": 20.0, "length_m": 14.0}
     cutting_in = {"forward_m": 60.0, "left_m": 2.0, "handle": 7, "speed_mps": 28.0}
@@ -247,6 +269,19 @@ def test_leader_by_place() -> None:
     found = path_leaders(truth, objects_at([[beside, leader, cutting_in]]), table, 1.6)
     assert found.handle.tolist() == [7]
     assert path_leaders(truth, objects_at([[beside]]), table, 1.6).handle.tolist() == [-1]
+
+
+@pytest.mark.parametrize(("heading", "found"), [(0.0, -1), (0.03, -1), (0.06, 5), (-0.06, -1)])
+def test_body_warned_of_in_the_lane_that_is_reached_within_a_second(heading: float, found: int) -> None:
+    """The border is 1.675 m to the left: at 30 m/s and 0.06 rad it is reached, at 0.03 rad it is not."""
+    truth, table = straight_road(heading)
+    left = 3.6 * np.cos(heading) - 40.0 * np.sin(heading)
+    beside = {"forward_m": 40.0 + 3.6 * np.sin(heading), "left_m": left, "handle": 5, "speed_mps": 20.0}
+    nearer = {"forward_m": 20.0, "left_m": -20.0 * np.sin(heading), "handle": 6}
+    target = warned_of(truth, objects_at([[nearer, beside]]), table, np.array([5]), 1.6, 0.3, 1.0)
+    assert target.handle.tolist() == [found]
+    if found == 5:
+        assert target.closing_mps[0] == pytest.approx(10.0, abs=0.1)
 
 
 def test_leader_by_place_is_the_one_that_projecting_every_body_finds() -> None:
