@@ -49,21 +49,30 @@ def conflict_counts(conflicts: pd.DataFrame, warnings: pd.DataFrame, km: float) 
 
 
 def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
-    """|error| of the time to collision where the true one is under 3 s and the leader is in view."""
-    near = steps[(steps["true_ttc_s"] < NEAR_TTC_S) & steps["true_leader_visible"].fillna(False)]
+    """|error| of the time to collision where the true one is under 3 s and the leader is in view.
+
+    Bodies that overlap have collided: only before that there is a time to collision.
+    """
+    seen = steps[(steps["true_ttc_s"] < NEAR_TTC_S) & steps["true_leader_visible"].fillna(False)]
+    apart = seen["true_gap_m"] > 0.0
+    near = seen[apart]
     # without a target, or with a gap that seems to open, the error counts as infinite
-    error = (near["fcw_ttc_s"].fillna(np.inf) - near["true_ttc_s"]).abs()
-    alone = near["fcw_track_ttc_s"] if "fcw_track_ttc_s" in near else pd.Series(np.nan, near.index)
-    by_track = (alone.fillna(np.inf) - near["true_ttc_s"]).abs()
+    every, by_track = _ttc_error(seen, "fcw_ttc_s"), _ttc_error(near, "fcw_track_ttc_s")
     return {
         "ttc_steps": len(near),
-        "ttc_error_median_s": quantile(error, 0.5),
-        "ttc_error_p95_s": quantile(error, 0.95),
+        "ttc_steps_overlapping": len(seen) - len(near),
+        "ttc_error_median_s": quantile(every[apart], 0.5),
+        "ttc_error_p95_s": quantile(every[apart], 0.95),
+        "ttc_error_with_overlap_p95_s": quantile(every, 0.95),
         "ttc_track_error_median_s": quantile(by_track, 0.5),  # from the radar tracks alone
         "ttc_track_error_p95_s": quantile(by_track, 0.95),
-        "ttc_error_apart_p95_s": quantile(error[near["true_gap_m"] > 0.0], 0.95),  # while bodies are apart
         "ttc_no_target_rate": mean(near["fcw_track_id"].isna()),
     }
+
+
+def _ttc_error(steps: pd.DataFrame, name: str) -> pd.Series:
+    estimate = steps[name] if name in steps else pd.Series(np.nan, steps.index)
+    return (estimate.fillna(np.inf) - steps["true_ttc_s"]).abs()
 
 
 def track_accuracy(tracks: pd.DataFrame) -> dict[str, float]:

@@ -43,16 +43,32 @@ def test_ttc_errors_count_below_three_seconds_and_a_gap_that_seems_to_open_as_in
             "fcw_ttc_s": [2.1, 2.3, 2.1, np.nan, 9.0, 1.0, np.nan],
             "fcw_track_id": pd.array([1, 1, 1, None, 1, 1, None], dtype="Int64"),
             "fcw_track_ttc_s": [2.2, 2.9, 1.6, 1.4, 9.0, 1.0, np.nan],
-            "true_gap_m": [9.0, 9.0, 9.0, -0.5, 9.0, 9.0, 9.0],
+            "true_gap_m": 9.0,
         }
     )
     f = ttc_errors(steps)
     assert f["ttc_steps"] == 4
     assert f["ttc_error_median_s"] == pytest.approx(0.2)
     assert math.isinf(f["ttc_error_p95_s"])
-    assert f["ttc_error_apart_p95_s"] < 0.21  # the one without a target has collided already
     assert 0.37 < f["ttc_track_error_median_s"] <= f["ttc_track_error_p95_s"] <= 0.401
     assert f["ttc_no_target_rate"] == pytest.approx(0.25)
+
+
+def test_bodies_that_have_collided_have_no_time_to_collision() -> None:
+    steps = pd.DataFrame(
+        {
+            "true_ttc_s": [1.0, 0.5, 0.0, 0.0],
+            "true_leader_visible": True,
+            "fcw_ttc_s": [1.1, 0.6, 38.8, np.nan],
+            "fcw_track_id": pd.array([1, 1, 1, None], dtype="Int64"),
+            "true_gap_m": [4.0, 2.0, -1.1, 0.0],
+        }
+    )
+    f = ttc_errors(steps)
+    assert (f["ttc_steps"], f["ttc_steps_overlapping"]) == (2, 2)
+    assert f["ttc_error_p95_s"] == pytest.approx(0.1)
+    assert math.isinf(f["ttc_error_with_overlap_p95_s"])
+    assert f["ttc_no_target_rate"] == 0.0
 
 
 def test_classes_count_from_the_fourth_row_of_a_track_on_where_the_truth_is_known() -> None:
