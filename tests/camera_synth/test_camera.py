@@ -45,7 +45,7 @@ def project_opencv(camera: Camera, points: np.ndarray) -> np.ndarray:
 
 
 @given(CAMERAS, st.floats(5.0, 200.0), st.floats(-30.0, 30.0), st.floats(0.0, 4.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_projects_as_opencv(camera: Camera, forward: float, left: float, up: float) -> None:
     x, y, depth = image_from_vehicle(forward, left, up, projection(camera))
     if depth > 0.5:
@@ -54,7 +54,7 @@ def test_projects_as_opencv(camera: Camera, forward: float, left: float, up: flo
 
 
 @given(CAMERAS, st.floats(5.0, 200.0), st.floats(-30.0, 30.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_ground_to_image_and_back(camera: Camera, forward: float, left: float) -> None:
     p = projection(camera)
     x, y, depth = image_from_vehicle(forward, left, 0.0, p)
@@ -64,7 +64,7 @@ def test_ground_to_image_and_back(camera: Camera, forward: float, left: float) -
 
 
 @given(CAMERAS, st.floats(-100.0, 400.0), st.floats(0.001, 200.0))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_no_ground_above_the_horizon(camera: Camera, x: float, above: float) -> None:
     forward, left = vehicle_from_image(x, camera.horizon_y_px + above, projection(camera))
     assert np.isnan(forward)

@@ -60,7 +60,7 @@ _KEYS = st.sampled_from(
 )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, database=None)
+@settings(max_examples=60, derandomize=True, database=None)
 @given(st.dictionaries(_KEYS | st.text(max_size=10), _VALUES, max_size=4))
 def test_any_mapping_is_a_configuration_or_refused(mapping: dict[str, object]) -> None:
     from plugin.configuration import Configuration, configuration_from

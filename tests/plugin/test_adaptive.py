@@ -109,7 +109,7 @@ def test_with_much_prior_and_known_noise_it_is_the_kalman_filter() -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), scale=st.floats(1e-3, 1e4), off=st.floats(-1e3, 1e3))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_safe_form_stays_definite_whatever_is_measured(seed: int, scale: float, off: float) -> None:
     rng = np.random.default_rng(seed)
     state = start(rng, 2, prior_steps=float(rng.integers(0, 5)))

@@ -33,7 +33,7 @@ def pairs(track_owner, owner, z_pred, S, z, label=None, track_label=None, angle=
 
 
 @given(seed=st.integers(0, 2**32 - 1), crowd=st.sampled_from([3.0, 10.0, 40.0]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_equals_dense_assignment_of_each_vehicle(seed: int, crowd: float) -> None:
     rng, vehicles = np.random.default_rng(seed), 4
     track_owner, owner, z_pred, S, z = fleet(rng, vehicles, crowd)

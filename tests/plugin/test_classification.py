@@ -82,7 +82,7 @@ def test_near_zero_stops_even_above_a_tiny_threshold() -> None:
     cycles=st.tuples(st.integers(1, 4), st.integers(1, 4), st.integers(1, 4)),
     minimum=st.floats(0.05, 5.0),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_no_illegal_transition_ever(seed: int, cycles: tuple[int, int, int], minimum: float) -> None:
     rng, tracks = np.random.default_rng(seed), 30
     settle, stop, go = cycles

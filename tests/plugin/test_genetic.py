@@ -77,7 +77,7 @@ def test_the_printed_chromosome_decodes():
 
 
 @given(st.integers(0, 2**23 - 1))
-@examples(max_examples=50, deadline=None)
+@examples(max_examples=50)
 def test_decoding_stays_in_the_region_and_reaches_its_bounds(number):
     border = np.empty(3)
     low, high = PAPER.first[1, :, 0], PAPER.first[1, :, 1]
@@ -108,7 +108,7 @@ def test_the_printed_mutation():
 
 
 @given(st.integers(0, 2**62), st.integers(4, 62))
-@examples(max_examples=60, deadline=None)
+@examples(max_examples=60)
 def test_crossover_points_are_three_in_order(number, length):
     p1, p2, p3 = crossover_points(random_bits(number, 0), length)
     assert 1 <= p1 < p2 < p3 < length
@@ -132,7 +132,7 @@ def test_crossing_back_gives_the_parents():
 
 
 @given(st.lists(st.floats(-50.0, 100.0), min_size=4, max_size=50))
-@examples(max_examples=60, deadline=None)
+@examples(max_examples=60)
 def test_roulette_weights_are_the_shifted_fitness(values):
     fitness = np.array(values)
     weights = np.empty(len(values))
@@ -159,7 +159,7 @@ def test_roulette_gives_the_published_probabilities():
 
 
 @given(st.integers(0, 2**32), st.integers(0, 2), st.booleans())
-@examples(max_examples=15, deadline=None)
+@examples(max_examples=15)
 def test_the_best_individual_never_worsens(seed, stage, drawn):
     rng = np.random.default_rng(seed)
     frame = draw(seed=seed) if drawn else rng.integers(0, 256, (240, 320)).astype(np.uint8)
@@ -173,7 +173,7 @@ def test_the_best_individual_never_worsens(seed, stage, drawn):
 
 
 @given(st.integers(0, 2**32))
-@examples(max_examples=10, deadline=None)
+@examples(max_examples=10)
 def test_the_score_is_the_objective_of_the_borders(seed):
     """The maps the search looks up hold what the objective says, in all three stages."""
     frames = np.random.default_rng(seed).integers(0, 256, (3, 240, 320)).astype(np.uint8)

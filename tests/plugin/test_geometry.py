@@ -33,7 +33,7 @@ def shift(n=1):
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-0.002, 0.002), st.floats(20.0, 150.0))
-@examples(max_examples=30, deadline=None)
+@examples(max_examples=30)
 def test_a_curved_border_is_a_hyperbola_in_the_image(offset, curvature, u):
     """SPEC 1.3, left positive: x = 160 - X₀u/h - K·h·f²/(2u). It takes the axis as level: within 0.7 %."""
     f, h = CAMERA.focal_px, CAMERA.height_m
@@ -63,7 +63,7 @@ def test_markings_centres_lie_outside_their_inner_edges():
 
 
 @given(st.floats(2.5, 4.4), st.floats(-0.8, 0.8), st.floats(-0.05, 0.05))
-@examples(max_examples=40, deadline=None)
+@examples(max_examples=40)
 def test_straight_lanes_come_back_exactly(width, offset, heading):
     camera = Camera(forward_m=1.2, left_m=0.1, yaw_rad=0.01, pitch_rad=0.05, height_m=1.3)
     half = width / 2 / np.cos(heading)
@@ -95,7 +95,7 @@ def test_curved_lanes_come_back_within_what_a_parabola_can_show(curvature):
 
 
 @given(st.floats(-2.5, 2.5), st.floats(-0.03, 0.03), st.floats(-0.002, 0.002), st.floats(-2e-5, 2e-5))
-@examples(max_examples=30, deadline=None)
+@examples(max_examples=30)
 def test_the_parabola_is_scipys(offset, slope, curvature, rate):
     """The normal equations against a generic least-squares solver on the same points."""
     border = parabolas_from_road(*one(offset, slope, curvature, rate, 60.0), CAMERA)[0]
@@ -159,7 +159,7 @@ def test_the_road_fit_is_scipys():
 
 
 @given(st.floats(-0.003, 0.003), st.floats(0.8, 1.7), st.floats(-90, 20), st.floats(-0.003, 0.003))
-@examples(max_examples=30, deadline=None)
+@examples(max_examples=30)
 def test_mirroring_turns_every_sign(a_left, b, c, a_right):
     left, right = [a_left, b, c], [a_right, -1.3, 360.0]
     camera = Camera(center_x_px=159.5)  # the middle of columns 0 to 319

@@ -185,7 +185,7 @@ def test_a_matrix_that_is_not_stochastic_is_refused(markov: list[list[float]]) -
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_covariances_stay_symmetric_and_non_negative(seed: int) -> None:
     rng = np.random.default_rng(seed)
     models = polar_models(("cv", "ca"), PUBLISHED_MOTION)

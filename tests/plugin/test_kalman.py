@@ -114,7 +114,7 @@ def test_indefinite_covariance_is_told_and_changes_nothing() -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), dt=st.floats(1e-3, 5.0), seen=st.booleans())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_covariance_stays_symmetric_and_non_negative(seed: int, dt: float, seen: bool) -> None:
     rng = np.random.default_rng(seed)
     F, Q = polar_models(("cv", "ca"), PUBLISHED_MOTION).transition(np.array([dt]))

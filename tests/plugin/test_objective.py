@@ -43,7 +43,7 @@ def block_by_block(frame, border, side, minimum=20):
     st.tuples(st.floats(-0.005, 0.005), st.floats(-3.0, 3.0), st.floats(-200, 500)),
     st.tuples(st.floats(-0.005, 0.005), st.floats(-3.0, 3.0), st.floats(-200, 500)),
 )
-@examples(max_examples=60, deadline=None)
+@examples(max_examples=60)
 def test_equals_the_transcription(seed, left, right):
     frame = np.random.default_rng(seed).integers(0, 256, (1, 240, 320)).astype(np.uint8)
     score = objective(frame, np.array([left]), np.array([right]))
@@ -52,7 +52,7 @@ def test_equals_the_transcription(seed, left, right):
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(-0.004, 0.004), st.floats(0.1, 2.5), st.floats(-60, 120))
-@examples(max_examples=30, deadline=None)
+@examples(max_examples=30)
 def test_mirroring_the_frame_swaps_the_borders(seed, a, b, c):
     y = 1.0 + 3.0 * np.arange(50)
     between = np.mod(a * y**2 + b * y + c, 1.0) - 0.5

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import settings as within
 from hypothesis import strategies as st
 from manoeuvre import PREVIEW_M, drive, lane_change_steer, looks, unseen
 from scipy.linalg import expm
@@ -206,7 +205,6 @@ def test_where_a_bend_begins_or_ends_curvature_and_heading_stay_true(schedule, s
     assert np.sqrt(np.mean(bend**2)) < 1e-4
 
 
-@within(deadline=None)  # the kernels are compiled in the first example
 @given(seed=st.integers(0, 2**32 - 1), speed=st.floats(0.0, 70.0))
 def test_step_is_the_textbook_kalman_filter_and_keeps_the_covariance(seed, speed):
     rng = np.random.default_rng(seed)

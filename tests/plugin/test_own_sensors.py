@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 from hypothesis import given
-from hypothesis import settings as within
 from hypothesis import strategies as st
 from manoeuvre import PREVIEW_M, drive, lane_change_steer, looks, unseen
 
@@ -65,7 +64,6 @@ def column(rows, name):
     return np.array([getattr(row, name) for row in rows])
 
 
-@within(deadline=None)  # the kernel is compiled in the first example
 @given(
     seed=st.integers(0, 2**32 - 1),
     speed=st.floats(8.0, 70.0),

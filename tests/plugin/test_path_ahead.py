@@ -14,7 +14,7 @@ from tests.roads import road_ahead
 
 
 @given(st.floats(-0.004, 0.004), st.floats(-1.5e-5, 1.5e-5), st.floats(-1.5, 1.5), st.floats(-0.06, 0.06))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_offset_from_a_bending_lane(curvature: float, rate: float, d: float, heading: float) -> None:
     """A point of the lane's middle has no offset, one beside it that of its distance."""
     road = road_ahead(curvature, rate, d, heading)

@@ -70,7 +70,7 @@ def test_borders_match_an_integrated_clothoid(camera, curvature, rate):
         assert np.abs(found - wanted)[both].max() < 0.25
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(-1, 1), st.floats(-0.05, 0.05), st.floats(-0.004, 0.004), st.floats(0.0, 14.9))
 def test_jacobian_is_the_derivative_of_the_columns(offset, heading, curvature, phase):
     x = state_of(offset, heading, curvature, phase=phase)

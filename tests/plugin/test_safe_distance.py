@@ -61,7 +61,7 @@ def follow(gap: float, v: float, a: float, v_l: float, a_l: float, dt: float = 1
 
 
 @given(st.floats(1.0, 80.0), speeds, st.floats(-6.0, 2.0), st.floats(0.0, 40.0), st.floats(-9.0, 2.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_time_to_collision_is_that_of_the_drive_in_small_steps(
     gap: float, v: float, a: float, v_l: float, a_l: float
 ) -> None:
@@ -86,7 +86,7 @@ def test_time_to_collision_at_constant_speeds() -> None:
 
 
 @given(st.floats(5.0, 100.0), speeds, st.floats(0.0, 30.0), st.floats(0.1, 10.0))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_time_to_collision_falls_with_the_closing_speed(
     gap: float, v: float, v_l: float, more: float
 ) -> None:
@@ -95,7 +95,7 @@ def test_time_to_collision_falls_with_the_closing_speed(
 
 
 @given(st.sampled_from(MODELS), speeds, st.floats(0.0, 1.0), brakes)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_slower_surface_earlier_warning(model: str, v: float, part: float, a_l: float) -> None:
     v_l = v * part
     dry, wet, snow = (distances(model, v, v_l, a_l=a_l, surface=surface) for surface in SURFACES)
@@ -107,7 +107,7 @@ def test_slower_surface_earlier_warning(model: str, v: float, part: float, a_l: 
 
 
 @given(st.sampled_from(("camp", "ttc")), st.floats(15.0, 45.0), st.floats(0.8, 1.0), st.floats(-8.0, -1.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_harder_braking_leader_earlier_warning(model: str, v: float, part: float, a_l: float) -> None:
     steady, braking = distances(model, v, v * part), distances(model, v, v * part, a_l=a_l)
     assert braking[0] >= steady[0] - 1e-9

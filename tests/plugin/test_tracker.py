@@ -310,7 +310,7 @@ def test_what_the_published_form_loses_is_counted_not_hidden() -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), name=st.sampled_from(FILTERS))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_clutter_alone_breaks_nothing(seed: int, name: str) -> None:
     """Dense nonsense: ids stay unique within a vehicle, owners sorted, numbers finite."""
     rng = np.random.default_rng(seed)

@@ -80,7 +80,7 @@ def scenes(draw: Any) -> Objects:
 
 
 @given(scenes())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_as_many_rays_one_by_one(objects: Objects) -> None:
     step = 2e-4
     angles = np.arange(-1.2, 1.2, step)
@@ -190,7 +190,7 @@ def test_second_reflection_lies_along_a_long_body() -> None:
     st.floats(-1.0, 1.0),
 )
 @example(0.0, 0.0, 27.0, 1.8227880276524715, -0.2265625)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_range_rate_is_the_derivative_of_the_range(
     yaw_rate: float, lateral: float, speed: float, heading: float, mount_left: float
 ) -> None:
@@ -218,7 +218,7 @@ def test_range_rate_is_the_derivative_of_the_range(
 
 
 @given(scenes())
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_mirrored_scene(objects: Objects) -> None:
     mirrored = objects._replace(left_m=-objects.left_m, heading_rad=-objects.heading_rad)
     motion = OwnMotion(np.array([25.0]), np.array([0.6]), np.array([0.1]))

@@ -86,7 +86,7 @@ def test_an_unstable_loop_of_driver_and_vehicle_is_refused() -> None:
 # --- lane changes
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.floats(-4, 4), st.floats(-1, 1), st.floats(-1, 1), st.floats(-0.3, 0.3), st.floats(2, 7))
 def test_profile_meets_its_ends_and_its_derivatives(
     p0: float, v0: float, a0: float, p1: float, T: float

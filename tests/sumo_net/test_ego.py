@@ -30,7 +30,6 @@ LANE_M = 3.75
 
 
 @given(st.floats(-1.2, 1.2))
-@settings(deadline=None)
 def test_sine_and_cosine(angle: float) -> None:
     assert sine_cosine(angle) == pytest.approx((math.sin(angle), math.cos(angle)), abs=3e-7)
 
@@ -84,7 +83,7 @@ def test_standing_and_crawling_are_nothing_special() -> None:
     assert v_y == pytest.approx(CAR.rear_axle_m * yaw_rate, rel=1e-3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.floats(-0.3, 0.3), st.floats(-0.2, 0.2), st.floats(-0.1, 0.1))
 def test_go_over_from_rolling_to_tyres_has_no_step(v_y: float, yaw_rate: float, steer: float) -> None:
     for edge in (2.0, 4.0):

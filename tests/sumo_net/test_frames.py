@@ -27,7 +27,7 @@ def test_wrap_angle(angle, wrapped):
     assert frames.wrap_angle(angle) == pytest.approx(wrapped)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(angles)
 def test_wrapped_angle_is_the_same_direction(angle):
     wrapped = frames.wrap_angle(angle)
@@ -49,7 +49,7 @@ def test_left_of_a_vehicle_heading_north_is_west():
     assert frames.vehicle_from_world(-3.0, 10.0, 0.0, 0.0, math.pi / 2.0) == pytest.approx((10.0, 3.0))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(places, places, places, places, angles)
 def test_vehicle_and_world_invert(x, y, origin_x, origin_y, heading):
     forward, left = frames.vehicle_from_world(x, y, origin_x, origin_y, heading)

@@ -58,7 +58,7 @@ def one_by_one(ego: Poses, i: int, snapshot: Snapshot, reach_m: float, most: int
 
 
 @given(st.integers(0, 60), st.integers(0, 2**32 - 1), st.integers(1, 12), st.floats(5, 300))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_as_one_vehicle_at_a_time(count: int, seed: int, most: int, reach_m: float) -> None:
     snapshot = traffic(count, seed)
     ego = drivers(snapshot)

@@ -46,7 +46,7 @@ def test_steer_correction_at_half_load() -> None:
     assert steer_correction(HALF_LOAD, 20.0) == pytest.approx(1.0 + 0.000843 * 400.0, abs=2e-4)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SPEEDS, st.floats(-0.05, 0.05))
 def test_steer_correction_is_the_steady_state_s(v: float, steer: float) -> None:
     """Eq. (13): a curvature K needs the steer f L K."""
@@ -61,7 +61,7 @@ def test_the_model_is_stable_and_the_print_is_not() -> None:
     assert np.linalg.eigvals(as_printed(HALF_LOAD, v)).real.max() == pytest.approx(0.38, abs=0.005)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.floats(-3, 3), st.floats(-1, 1), st.floats(-0.3, 0.3), SPEEDS)
 def test_derivatives_are_the_matrices(v_y: float, yaw_rate: float, steer: float, v: float) -> None:
     A, B = single_track(HALF_LOAD, v)
@@ -87,7 +87,7 @@ def test_preview_model_is_the_geometry_of_a_circle_ahead() -> None:
     assert B[3, 1] == v
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(SPEEDS)
 def test_hold_against_van_loan(v: float) -> None:
     A, B = preview_model(HALF_LOAD, v, 33.5)
