@@ -50,6 +50,12 @@ class Camera:
         """The vertical focal length, px."""
         return self.focal_px if self.focal_y_px is None else self.focal_y_px
 
+    def px_per_m(self, y_px: float) -> float:
+        """Columns per metre across the road in row y: focal_px / depth, which is linear in y. Without yaw."""
+        squeeze = self.focal_px / self.vertical_focal_px
+        sin, cos = math.sin(self.pitch_rad), math.cos(self.pitch_rad)
+        return (self.focal_px * sin + squeeze * (self.center_y_px - y_px) * cos) / self.height_m
+
     @property
     def preview_m(self) -> float:
         """D_L: distance in m from the centre of gravity to where the optical axis meets the road.

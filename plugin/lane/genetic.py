@@ -132,7 +132,7 @@ def fitted_to(search: GeneticSearch, camera: Camera) -> GeneticSearch:
     numbers = projection(camera)
     forward, _ = vehicle_from_image(camera.center_x_px, 0.0, numbers)
     center, _, _ = image_from_vehicle(forward, 0.0, 0.0, numbers)
-    scale = _px_per_m(camera) / _px_per_m(Camera())
+    scale = camera.px_per_m(0.0) / Camera().px_per_m(0.0)  # in the bottom row
     blocks = min(search.objective.blocks, blocks_below_horizon(camera))
     return dataclasses.replace(
         search,
@@ -147,12 +147,6 @@ def fitted_to(search: GeneticSearch, camera: Camera) -> GeneticSearch:
             crossed_by_px=search.restart.crossed_by_px * scale,
         ),
     )
-
-
-def _px_per_m(camera: Camera) -> float:
-    """Pixels per metre across the road in the bottom row."""
-    slope = camera.focal_px * math.sin(camera.pitch_rad) + camera.center_y_px * math.cos(camera.pitch_rad)
-    return slope / camera.height_m
 
 
 class SearchNumbers(NamedTuple):

@@ -6,7 +6,6 @@ x = 160 - X₀·u/h - e·f - K·h·f²/(2u), u = 157 - y (X₀, e, K left positi
 for K = 0.
 """
 
-import math
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -127,10 +126,8 @@ def marking_centres(borders: Borders, camera: Camera, plausibility: Plausibility
     and c change, a does not. (The camera's yaw, a few degrees, is neglected.)
     """
     inset = (plausibility or Plausibility()).inset_m
-    cos, sin = math.cos(camera.pitch_rad), math.sin(camera.pitch_rad)
-    per_row = inset * cos / camera.height_m
-    at_bottom = inset * (camera.focal_px * sin + camera.center_y_px * cos) / camera.height_m
-    moved = np.array([0.0, per_row, -at_bottom])
+    at_bottom, per_row = camera.px_per_m(0.0), camera.px_per_m(0.0) - camera.px_per_m(1.0)
+    moved = inset * np.array([0.0, per_row, -at_bottom])
     return Borders(borders.left + moved, borders.right - moved, borders.score)
 
 

@@ -1,5 +1,7 @@
 """The pinhole camera against OpenCV's, and ground -> image -> ground."""
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -61,6 +63,17 @@ def test_ground_to_image_and_back(camera: Camera, forward: float, left: float) -
     if depth > 0.5:
         back = vehicle_from_image(x, y, p)
         np.testing.assert_allclose(back, (forward, left), rtol=1e-6, atol=1e-6)
+
+
+@given(CAMERAS, st.floats(5.0, 200.0), st.floats(-3.0, 3.0))
+@settings(max_examples=60)
+def test_a_metre_across_the_road_in_its_row(camera: Camera, forward: float, left: float) -> None:
+    level = dataclasses.replace(camera, yaw_rad=0.0)
+    p = projection(level)
+    x, y, depth = image_from_vehicle(forward, left, 0.0, p)
+    if depth > 0.5:
+        further, _, _ = image_from_vehicle(forward, left - 1.0, 0.0, p)
+        assert level.px_per_m(y) == pytest.approx(further - x, rel=1e-9)
 
 
 @given(CAMERAS, st.floats(-100.0, 400.0), st.floats(0.001, 200.0))

@@ -277,6 +277,9 @@ def test_another_camera():
     # the vehicle's axis is half a metre to the right of the camera
     assert other.restart.center_px == pytest.approx(160.0 + 0.5 * 92.2 / 1.34, abs=0.5)
     assert other.first_left == search_settings.first_left
+    # an image scaled unequally: in its bottom row, 120 rows below the axis, the road is nearer
+    tall = fitted_to(search_settings, Camera(focal_y_px=500.0))
+    assert tall.restart.least_width_px == pytest.approx(200.0 * (0.04 + 120 / 500) / (0.04 + 120 / 925))
 
 
 # --- bad input

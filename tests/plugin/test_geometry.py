@@ -53,9 +53,10 @@ def straight_border(offset, slope, camera):
     return [0.0, b, x1 - b * y1]
 
 
-def test_markings_centres_lie_outside_their_inner_edges():
+@pytest.mark.parametrize("focal_y_px", [None, 700.0])
+def test_markings_centres_lie_outside_their_inner_edges(focal_y_px):
     """Edges of a lane between markings 0.2 m wide, moved by half of that, are the projected centre lines."""
-    camera = Camera(pitch_rad=0.06, height_m=1.5)
+    camera = Camera(pitch_rad=0.06, height_m=1.5, focal_y_px=focal_y_px)
     edges = borders_of(straight_border(1.8, 0.01, camera), straight_border(-1.7, 0.01, camera))
     centres = marking_centres(edges, camera, Plausibility(inset_m=0.1))
     assert centres.left[0] == pytest.approx(straight_border(1.9, 0.01, camera), abs=1e-9)
