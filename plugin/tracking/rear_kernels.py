@@ -82,7 +82,8 @@ def strip(frame, x, y, p):  # type: ignore[no-untyped-def]
     if foot < 0:
         return math.nan, math.nan, 0.0
     left, right, rows = 0.0, 0.0, 0
-    low, high = foot + _BAND_LOW_M * scale, foot + _BAND_HIGH_M * scale
+    rows_per_m = p.focal_y / depth
+    low, high = foot + _BAND_LOW_M * rows_per_m, foot + _BAND_HIGH_M * rows_per_m
     for row in range(math.ceil(low), min(math.floor(high), height - 1) + 1):
         line = frame[height - 1 - row]
         start, nearest = -1, math.inf

@@ -65,6 +65,16 @@ def test_sides_of_a_van_whose_dark_strip_ends_among_the_rows_looked_at() -> None
     assert np.nanquantile(error, 0.9) < 0.01
 
 
+def test_in_an_image_scaled_unequally_heights_go_by_the_vertical_focal_length() -> None:
+    camera = Camera(focal_y_px=600.0)
+    x = np.linspace(12.0, 30.0, 16)
+    frames = shoot(road_ahead(np.zeros(len(x))), preset("clear"), camera=camera, objects=leaders(x))
+    view = look(frames, looking_for(x), projection(camera))
+    left, right = columns(x, 0.0, camera)
+    assert (view.track_id >= 0).mean() > 0.9
+    assert np.nanmedian(np.abs(view.right_px - view.left_px - (right - left))) < 0.2
+
+
 def test_own_pitch_does_not_change_the_width() -> None:
     x = np.linspace(10.0, 30.0, 8)
     road, objects = road_ahead(np.zeros(len(x))), leaders(x)
