@@ -8,11 +8,11 @@ from typing import Any
 from pydantic import Field
 
 from sumo_net.driver import CAUSES
+from sumo_net.driver_kernels import SIGNALLED_CHANGE
 from sumo_net.settings import settings
 
 LEFT, RIGHT = 1, -1
 SIDE_NAMES = {LEFT: "left", RIGHT: "right"}
-SIGNALLED = CAUSES.index("lane_change_signalled")
 
 
 @settings
@@ -123,7 +123,7 @@ class EventBook:
         matches = [w for w in candidates if self._belong(w, departure)]
         first = min(matches, key=lambda w: w.start_s, default=None)
         lead = None if first is None else departure.crossing_s - first.start_s
-        due = departure.cause != SIGNALLED and departure.speed_mps >= self.matching.due_from_mps
+        due = departure.cause != SIGNALLED_CHANGE and departure.speed_mps >= self.matching.due_from_mps
         return {
             "handle": departure.handle,
             "side": SIDE_NAMES[departure.side],

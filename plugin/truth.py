@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from plugin.events import LEFT, RIGHT, SIGNALLED, Departure, EventBook, LaneWarning, Matching
+from plugin.events import LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching
 from plugin.record import Recorder
 from plugin.schema import TABLES
 from sumo_net.driver import CAUSES
+from sumo_net.driver_kernels import LANE_KEEPING, SIGNALLED_CHANGE
 
 Array = np.ndarray[Any, Any]
 Names = Mapping[int, str]  # ids of vehicles by handle
@@ -108,7 +109,7 @@ class Scorer:
         self._write_steps(rows, new, names)
         self._write_predictions(rows, follows, new, names)
         departures, warnings = self._book.settle(until, final)
-        self.departures += sum(row["cause"] != CAUSES[SIGNALLED] for row in departures)
+        self.departures += sum(row["cause"] != CAUSES[SIGNALLED_CHANGE] for row in departures)
         self.warnings += len(warnings)
         self._write_events("departures", departures, names)
         self._write_events("warnings", warnings, names)
@@ -162,12 +163,14 @@ class Scorer:
         part = margin[i - 1] / (margin[i - 1] - margin[i])
         cause = int(rows["cause"][i])
         back = i
-        while cause == 0 and back > 0 and follows[back] and i - back < 20:  # the cause may just have ended
+        while (
+            cause == LANE_KEEPING and back > 0 and follows[back] and i - back < 20
+        ):  # the cause may just have ended
             back -= 1
             cause = int(rows["cause"][back])
         lately = slice(max(i - round(self._book.matching.signalled_s / STEP_S), 0), i + 1)
         if np.any((rows["handle"][lately] == rows["handle"][i]) & (rows["signal"][lately] == side)):
-            cause = SIGNALLED
+            cause = SIGNALLED_CHANGE
         return Departure(
             handle=int(rows["handle"][i]),
             side=side,

@@ -14,17 +14,16 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
-from sumo_net.driver_kernels import STEP_S
+from sumo_net.driver_kernels import STEP_S, TABLE_SPEED_STEP_MPS
 from sumo_net.randomness import generator, stream_key
 from sumo_net.settings import settings
 from sumo_net.vehicle import Vehicle, single_track
 
 Array = np.ndarray[Any, Any]
 
-LANE_KEEPING, DISTRACTION, MICROSLEEP, SIGNALLED_CHANGE, UNSIGNALLED_CHANGE = 0, 1, 2, 3, 4
+# of what a vehicle does, by LANE_KEEPING to UNSIGNALLED_CHANGE of driver_kernels
 CAUSES = ("lane_keeping", "distraction", "microsleep", "lane_change_signalled", "lane_change_unsignalled")
 
-TABLE_SPEED_STEP_MPS = 4.0
 _TABLE_SPEEDS = 16  # up to 60 m/s; the kernel clamps beyond
 
 

@@ -10,9 +10,10 @@ from sumo_net.compile import kernel
 from sumo_net.randomness import normal, uniform
 
 STEP_S = 0.1
+LANE_KEEPING, DISTRACTION, MICROSLEEP, SIGNALLED_CHANGE, UNSIGNALLED_CHANGE = range(5)  # as in CAUSES
 RECOVERY_S = 5.0  # how long an episode counts as the cause of what follows, at most,
 RECOVERED_M = 0.3  # or until the vehicle is this near its line
-_TABLE_SPEED_STEP_MPS = 4.0
+TABLE_SPEED_STEP_MPS = 4.0
 _UNREST_STREAM = 2**40  # first counter of the jitter, beyond all counters of the slow noise
 
 
@@ -99,7 +100,7 @@ def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-d
     mind.change_rate_mps[i] = dy
     mind.change_rate2_mps2[i] = ddy
     left = mind.change_duration_s[i] - mind.change_elapsed_s[i]
-    goes_on = mind.cause[i] >= 3 and left > 0.0 and y * shift > 0.0
+    goes_on = mind.cause[i] >= SIGNALLED_CHANGE and left > 0.0 and y * shift > 0.0
     mind.change_elapsed_s[i] = 0.0
     if not deliberate:
         mind.change_duration_s[i] = max(left, 2.0)
@@ -110,10 +111,10 @@ def shift_line(mind, traits, i, shift, deliberate):  # type: ignore[no-untyped-d
     if goes_on:
         return
     if draw(mind, traits, i) < traits.signal_probability[i]:
-        mind.cause[i] = 3
+        mind.cause[i] = SIGNALLED_CHANGE
         mind.signal[i] = -1 if shift > 0.0 else 1
     else:
-        mind.cause[i] = 4
+        mind.cause[i] = UNSIGNALLED_CHANGE
         mind.signal[i] = 0
 
 
@@ -133,7 +134,7 @@ def restart(mind, traits, i):  # type: ignore[no-untyped-def]
     """Reset the driver to the own line, attentive; waiting times and counters are kept."""
     mind.noise[i] = 0.0
     mind.unrest[i] = mind.calm[i] = 0.0
-    mind.cause[i] = 0
+    mind.cause[i] = LANE_KEEPING
     mind.signal[i] = 0
     mind.episode_left_s[i] = 0.0
     mind.recovery_left_s[i] = 0.0
@@ -167,8 +168,8 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
             lead_back(mind, traits, i)
             veering = False
     changing = mind.change_elapsed_s[i] < mind.change_duration_s[i]
-    if mind.cause[i] >= 3 and not changing:
-        mind.cause[i] = 0
+    if mind.cause[i] >= SIGNALLED_CHANGE and not changing:
+        mind.cause[i] = LANE_KEEPING
         mind.signal[i] = 0
 
     mind.until_glance_s[i] -= STEP_S
@@ -190,20 +191,20 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
         # a profile leading back starts at the vehicle: only the distance to its target counts
         if mind.recovery_left_s[i] <= 0.0 or abs(d - traits.offset_m[i]) < RECOVERED_M:
             mind.recovery_left_s[i] = 0.0
-            if mind.cause[i] < 3:
-                mind.cause[i] = 0
+            if mind.cause[i] < SIGNALLED_CHANGE:
+                mind.cause[i] = LANE_KEEPING
 
-    if mind.episode_left_s[i] == 0.0 and mind.cause[i] == 0 and not (changing or veering) and calm:
+    if mind.episode_left_s[i] == 0.0 and mind.cause[i] == LANE_KEEPING and not (changing or veering) and calm:
         length = 0.0
         if mind.until_microsleep_s[i] <= 0.0:
             mind.until_microsleep_s[i] = draw_waiting(mind, traits, i, c.microsleep_rate)
             span = c.microsleep_most - c.microsleep_least
             length = c.microsleep_least + span * draw(mind, traits, i)
-            mind.cause[i] = 2
+            mind.cause[i] = MICROSLEEP
         elif mind.until_glance_s[i] <= 0.0:
             mind.until_glance_s[i] = draw_waiting(mind, traits, i, c.glance_rate)
             length = math.exp(c.glance_log_mean + c.glance_log_sd * draw_normal(mind, traits, i))
-            mind.cause[i] = 1
+            mind.cause[i] = DISTRACTION
         if length > 0.0:
             mind.episode_left_s[i] = length
             mind.held_steer_rad[i] = steer
@@ -227,7 +228,7 @@ def unrest(mind, traits, i, keep):  # type: ignore[no-untyped-def]
 @kernel
 def at_speed(table, v):  # type: ignore[no-untyped-def]
     """Linear interpolation in a table (16,) at 0, 4, … 60 m/s of DriverNumbers; its ends beyond."""
-    at = min(max(v, 0.0) / _TABLE_SPEED_STEP_MPS, len(table) - 1.001)
+    at = min(max(v, 0.0) / TABLE_SPEED_STEP_MPS, len(table) - 1.001)
     low = int(at)
     share = at - low
     return (1.0 - share) * table[low] + share * table[low + 1]

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from sumo_net.batch import join, select
-from sumo_net.driver import DISTRACTION, Driver, Traits, attentive, numbers, traits
-from sumo_net.driver_kernels import at_speed, reference
+from sumo_net.driver import Driver, Traits, attentive, numbers, traits
+from sumo_net.driver_kernels import DISTRACTION, at_speed, reference
 from sumo_net.ego_kernels import advance
 from sumo_net.ego_road_kernels import drive_over, front_laterals, onto_paths, place, see
 from sumo_net.snapshot import Snapshot

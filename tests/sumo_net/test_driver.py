@@ -8,17 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import welch
 
-from sumo_net.driver import (
+from sumo_net.driver import Driver, lateral_sds, traits
+from sumo_net.driver_kernels import (
     DISTRACTION,
     LANE_KEEPING,
     MICROSLEEP,
     SIGNALLED_CHANGE,
     UNSIGNALLED_CHANGE,
-    Driver,
-    lateral_sds,
-    traits,
+    profile,
+    shift_line,
 )
-from sumo_net.driver_kernels import profile, shift_line
 from sumo_net.settings import SettingsError, read
 from sumo_net.vehicle import Vehicle
 from tests.sumo_net.bench_road import HALF_LANE_M, QUIET, STILL, VEHICLE, Bench, circle, motorway, straight

@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 from plugin.configuration import load_configuration
 from sumo_net import network
 from sumo_net.batch import select
-from sumo_net.driver import LANE_KEEPING, MICROSLEEP, SIGNALLED_CHANGE, Driver
+from sumo_net.driver import Driver
+from sumo_net.driver_kernels import LANE_KEEPING, MICROSLEEP, SIGNALLED_CHANGE
 from sumo_net.ego import Ego, EgoTruth
 from sumo_net.ego_kernels import forward_speed, lateral_rates, rates, runge_kutta, sine_cosine
 from sumo_net.highway import Highway

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sumo_net.driver import DISTRACTION, LANE_KEEPING, Driver
-from sumo_net.driver_kernels import at_speed, veer
+from sumo_net.driver import Driver
+from sumo_net.driver_kernels import DISTRACTION, LANE_KEEPING, at_speed, veer
 from sumo_net.scenario import Scenario
 from sumo_net.script import Actor, Manoeuvre
 from sumo_net.script_player import ScriptError, ScriptPlayer
