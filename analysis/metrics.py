@@ -6,6 +6,7 @@ import pandas as pd
 from analysis.rear_end import rear_end_figures
 from analysis.statistics import mean, per_100_km, poisson_interval, quantile, ratio_interval
 from plugin.truth import HORIZONS_S
+from sumo_net.step import STEP_S
 
 CURVE_1PM = 2e-4  # a road less curved than this counts as straight
 CATEGORIES = ("straight", "curve", "lane_change", "distraction")
@@ -21,7 +22,7 @@ SIGNALLED = "lane_change_signalled"
 
 def distance_km(steps: pd.DataFrame) -> float:
     """Kilometres driven by equipped vehicles."""
-    return float(steps["speed_mps"].sum()) * 0.1 / 1000.0
+    return float(steps["speed_mps"].sum()) * STEP_S / 1000.0
 
 
 def category(steps: pd.DataFrame) -> pd.Series:
@@ -107,9 +108,9 @@ def paired_gain(
     rows = []
     for (name, horizon), part in keyed.groupby(["category", "horizon_s"], observed=True):
         clusters = part.groupby(["run_id", "vehicle_id"])["gain"].agg(["sum", "count"])
-        mean = clusters["sum"].sum() / clusters["count"].sum()
+        gain_m = clusters["sum"].sum() / clusters["count"].sum()
         low, high = ratio_interval(clusters["sum"].to_numpy(), clusters["count"].to_numpy(), resamples)
-        rows.append({"category": name, "horizon_s": horizon, "gain_m": mean, "low_m": low, "high_m": high})
+        rows.append({"category": name, "horizon_s": horizon, "gain_m": gain_m, "low_m": low, "high_m": high})
     return pd.DataFrame(rows)
 
 

@@ -19,9 +19,8 @@ from plugin.configuration import Configuration, RunSettings, read_configuration
 from plugin.record import read_table
 from sumo_net.scenario import prepare
 from sumo_net.settings import SettingsError
+from sumo_net.step import STEP_S
 from sumo_net.traffic import Traffic
-
-_STEP_S = 0.1
 
 
 def replay(
@@ -88,8 +87,8 @@ def _repeat(
                 traffic, configuration, prepared.network, run_id=run.run_id, threads=threads, watch=watch
             ) as adas,
         ):
-            begin_s = traffic.time_s + prepared.warm_up_steps * _STEP_S
-            steps = min(prepared.recorded_steps, math.ceil((until_s - begin_s) / _STEP_S - 1e-6))
+            begin_s = traffic.time_s + prepared.warm_up_steps * STEP_S
+            steps = min(prepared.recorded_steps, math.ceil((until_s - begin_s) / STEP_S - 1e-6))
             drive(traffic, adas, prepared.warm_up_steps, steps, f"{run.run_id}, again", console, stop_here)
         return adas.tables["steps"]
 

@@ -17,8 +17,7 @@ from analysis.drive import (
 from analysis.drive_picture import DrivePictures
 from analysis.film import Film
 from analysis.footage import IMAGE_SUFFIXES
-
-_STEP_S = 0.1
+from sumo_net.step import STEP_S
 
 
 def make_video(
@@ -42,7 +41,7 @@ def make_video(
         vehicle_id = most_interesting(directory)
     else:
         check_vehicle(directory, vehicle_id)
-    with Film(out, _STEP_S) as film:
+    with Film(out, STEP_S) as film:
         if vehicle_id not in vehicles_with_frames(directory):
             from analysis.replay import replay, settings_to_repeat
 
@@ -63,8 +62,8 @@ def moment_of_interest(drive: Drive) -> int:
     due = drive.departures[drive.departures["warned"].notna()]
     for times in (
         due["crossing_s"],
-        drive.warnings.loc[drive.warnings["level"] == "danger", "start_s"] + _STEP_S,
-        drive.warnings["start_s"] + _STEP_S,
+        drive.warnings.loc[drive.warnings["level"] == "danger", "start_s"] + STEP_S,
+        drive.warnings["start_s"] + STEP_S,
     ):
         if len(times):
             return int(np.abs(drive.time_s - float(times.iloc[0])).argmin())
@@ -77,8 +76,8 @@ def _shown(drive: Drive, begin_s: float | None, end_s: float | None, still: bool
             raise DriveError(f"{name} = {value}: must be a time in s")
     if still and begin_s is None:
         return [moment_of_interest(drive)]
-    first = -math.inf if begin_s is None else begin_s - _STEP_S / 2
-    last = math.inf if end_s is None else end_s + _STEP_S / 2
+    first = -math.inf if begin_s is None else begin_s - STEP_S / 2
+    last = math.inf if end_s is None else end_s + STEP_S / 2
     shown = np.flatnonzero((drive.time_s >= first) & (drive.time_s <= last)).tolist()
     if not shown:
         raise DriveError(

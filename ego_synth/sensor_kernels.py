@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 from sumo_net.compile import kernel
 from sumo_net.randomness import normal
+from sumo_net.step import STEP_S
 
 _DRAWS = 8  # counters of the noise reserved for a reading
-_STEP_S = 0.1
 
 
 class SensorNumbers(NamedTuple):
@@ -28,7 +28,7 @@ class SensorNumbers(NamedTuple):
 
 def numbers(sensors: Any) -> SensorNumbers:
     """Kernel parameters of EgoSensors."""
-    c, root = sensors, math.sqrt(_STEP_S)
+    c, root = sensors, math.sqrt(STEP_S)
     return SensorNumbers(
         c.yaw_rate_noise_rps,
         c.yaw_rate_resolution_rps,

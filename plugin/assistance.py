@@ -30,7 +30,8 @@ from sumo_net.road import RoadNetwork
 from sumo_net.script_player import ScriptPlayer
 from sumo_net.settings import read_toml
 from sumo_net.snapshot import Snapshot
-from sumo_net.traffic import STEP_S, Traffic, TrafficError
+from sumo_net.step import STEP_S
+from sumo_net.traffic import Traffic, TrafficError
 
 Array = np.ndarray[Any, Any]
 

@@ -18,6 +18,7 @@ from sumo_net.lane_graph import LaneGraph
 from sumo_net.road import RoadTable
 from sumo_net.settings import settings
 from sumo_net.snapshot import Snapshot
+from sumo_net.step import STEP_S
 from sumo_net.surroundings import Objects
 
 Array = np.ndarray[Any, Any]
@@ -250,7 +251,7 @@ class ConflictBook:
                 self._on[key].approach |= since <= s.approach_window_s + 1e-9
         for key in [key for key in self._on if key not in on]:
             warning = self._on.pop(key)
-            warning.end_s = time_s - 0.1
+            warning.end_s = time_s - STEP_S
             self._ended.append(warning)
         for pair in [pair for pair, c in self._open.items() if time_s - c.end_s > s.merge_s]:
             self._done.append(self._open.pop(pair))

@@ -7,9 +7,10 @@ import numpy as np
 from plugin.ground_truth_kernels import compare
 from plugin.motion.estimate import MotionEstimate, Trajectory
 from plugin.motion.prediction_kernels import Predictor
-from plugin.truth import HORIZONS_S, PREDICTORS, STEP_S
+from plugin.truth import HORIZONS_S, PREDICTORS
 from sumo_net.ego import EgoTruth
 from sumo_net.road import AHEAD_M
+from sumo_net.step import STEP_S
 from sumo_net.vehicle import Vehicle
 
 Array = np.ndarray[Any, Any]

@@ -26,11 +26,11 @@ from sumo_net.randomness import stream_key
 from sumo_net.road import RoadNetwork
 from sumo_net.roadside import place
 from sumo_net.snapshot import Snapshot
+from sumo_net.step import STEP_S
 from sumo_net.surroundings import Objects
 
 Array = np.ndarray[Any, Any]
 
-STEP_S = 0.1
 _LATELY_S = 0.25  # longer unseen: a vehicle just passed would coast into the lane
 _MOVING_MPS = 5.0  # a track without a class yet is taken for a vehicle above this speed
 

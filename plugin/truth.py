@@ -16,13 +16,13 @@ from plugin.record import Recorder
 from plugin.schema import TABLES
 from sumo_net.driver import CAUSES
 from sumo_net.driver_kernels import LANE_KEEPING, SIGNALLED_CHANGE
+from sumo_net.step import STEP_S
 
 Array = np.ndarray[Any, Any]
 Names = Mapping[int, str]  # ids of vehicles by handle
 
 HORIZONS_S = (0.5, 1.0, 1.5, 2.0)
 LOOK_AHEAD_S = 5.0  # the true time to lane crossing is empty beyond this
-STEP_S = 0.1
 _HORIZON_STEPS = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64)
 _JUMP_M = 1.0  # a larger change of the lane offset in one step means that its reference lane changed
 _STEP_COLUMNS = tuple(column.name for column in TABLES["steps"])

@@ -13,11 +13,10 @@ from sumo_net.driver import Driver
 from sumo_net.ego import EgoTruth
 from sumo_net.influence import Influence
 from sumo_net.road_table import RoadTable
+from sumo_net.step import STEP_S
 from sumo_net.traffic import Traffic
 
 Array = np.ndarray[Any, Any]
-
-STEP_S = 0.1
 
 
 class BendSpeed:

@@ -14,9 +14,10 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
-from sumo_net.driver_kernels import STEP_S, TABLE_SPEED_STEP_MPS
+from sumo_net.driver_kernels import TABLE_SPEED_STEP_MPS
 from sumo_net.randomness import generator, stream_key
 from sumo_net.settings import settings
+from sumo_net.step import STEP_S
 from sumo_net.vehicle import Vehicle, single_track
 
 Array = np.ndarray[Any, Any]

@@ -8,8 +8,8 @@ import math
 
 from sumo_net.compile import kernel
 from sumo_net.randomness import normal, uniform
+from sumo_net.step import STEP_S
 
-STEP_S = 0.1
 LANE_KEEPING, DISTRACTION, MICROSLEEP, SIGNALLED_CHANGE, UNSIGNALLED_CHANGE = range(5)  # as in CAUSES
 RECOVERY_S = 5.0  # how long an episode counts as the cause of what follows, at most,
 RECOVERED_M = 0.3  # or until the vehicle is this near its line

@@ -6,7 +6,8 @@ Road frame: d left of the path, e = heading minus the path's heading; ḋ = v si
 import math
 
 from sumo_net.compile import kernel
-from sumo_net.driver_kernels import STEP_S, at_speed, attend, correction, profile, tightness, unrest, veer
+from sumo_net.driver_kernels import at_speed, attend, correction, profile, tightness, unrest, veer
+from sumo_net.step import STEP_S
 from sumo_net.vehicle import derivatives
 
 SUBSTEPS = 10

@@ -8,11 +8,12 @@ import math
 import numpy as np
 
 from sumo_net.compile import kernel
-from sumo_net.driver_kernels import STEP_S, at_speed, reference, restart, shift_line
+from sumo_net.driver_kernels import at_speed, reference, restart, shift_line
 from sumo_net.ego_kernels import forward_speed
 from sumo_net.frames import wrap_angle
 from sumo_net.road_kernels import containing_lanes, pose_at, project, segment_at, station_of
 from sumo_net.road_table import OWN_RIGHT
+from sumo_net.step import STEP_S
 
 LANE_CHANGE_M = 1.5  # a path this far beside the last one means that SUMO has changed lanes
 JUMP_M = 5.0  # a vehicle this far from its expected position has been moved: it starts anew

@@ -14,11 +14,11 @@ from sumo_net.influence import Influence
 from sumo_net.randomness import stream_key, uniform, uniforms
 from sumo_net.settings import settings
 from sumo_net.snapshot import Snapshot
+from sumo_net.step import STEP_S
 from sumo_net.traffic import Traffic
 
 Array = np.ndarray[Any, Any]
 
-STEP_S = 0.1
 KINDS = "braking", "cut-in"
 _CUT_IN_S = 3.0  # how long the vehicle stays on the lane it has cut into
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from sumo_net.lane_graph import LaneGraph
 from sumo_net.snapshot import Snapshot
+from sumo_net.step import STEP_S
 
 Array = np.ndarray[Any, Any]
 
-STEP_S = 0.1
 CHANGE_S = 3.0
 
 

@@ -7,9 +7,9 @@ from sumo_net.ego import Ego
 from sumo_net.influence import Influence
 from sumo_net.script import Actor, Manoeuvre
 from sumo_net.snapshot import Snapshot
+from sumo_net.step import STEP_S
 from sumo_net.traffic import Traffic, TrafficError
 
-STEP_S = 0.1
 _RATE_MPS2, _RAMP_S = 3.0, 1.5
 _SLACK_MPS = 0.05  # largest difference of driven and commanded speed
 _WAIT_STEPS = 3  # until a commanded lane change must have been made

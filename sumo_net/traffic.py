@@ -19,8 +19,8 @@ from sumo_net import columns
 from sumo_net.frames import heading_from_sumo_angle
 from sumo_net.snapshot import Array, Snapshot
 from sumo_net.start_up import cause, is_left_hand, one_line, set_sumo_home, standard_error
+from sumo_net.step import STEP_S
 
-STEP_S = 0.1
 REMEMBERED_S = 300.0  # how long the name of a vehicle that has left is kept, for events evaluated later
 _INVALID = -1e9  # SUMO's INVALID_DOUBLE_VALUE is -2**30
 

@@ -11,10 +11,10 @@ import pandas as pd
 from analysis.protocol.definition import CollisionTest, DepartureTest, QuietTest
 from analysis.protocol.planning import LANE_M, Trial
 from plugin.warning.safe_distance import time_to_collision
+from sumo_net.step import STEP_S
 
 Array = np.ndarray[Any, Any]
 
-STEP_S = 0.1
 _BRAKE_WINDOW = slice(5, 20)  # steps after the start of braking, over which it is averaged
 
 

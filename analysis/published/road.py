@@ -44,6 +44,7 @@ from plugin.recognition_kernels import judge
 from plugin.vision import JUDGED_Y, SHARE, TOLERANCE_PX, parabola_columns
 from sumo_net.randomness import stream_key
 from sumo_net.road import OWN_RIGHT
+from sumo_net.step import STEP_S
 
 Array = np.ndarray[Any, Any]
 
@@ -102,7 +103,7 @@ def measure(experiment: RoadRuns) -> Measured:
     for run in RUNS:
         truth = truth_of(run, experiment)
         paths.append(_points(run, "driven", *driven(truth, still_step(experiment))))
-        n, count = experiment.cars, round(experiment.duration_s / 0.1)
+        n, count = experiment.cars, round(experiment.duration_s / STEP_S)
         keys = np.array([stream_key(experiment.seed, f"car {i}", "search") for i in range(n)], np.uint64)
         chains, frames = {name: _Chain(name, keys, schedules[name]) for name in CHAINS}, new_frames(n)
         for k in range(count):
@@ -121,7 +122,7 @@ def measure(experiment: RoadRuns) -> Measured:
 
 
 def _points(run: Run, name: str, forward: Array, left: Array) -> pd.DataFrame:
-    ahead_s = 0.1 * np.arange(1, len(forward) + 1)
+    ahead_s = STEP_S * np.arange(1, len(forward) + 1)
     return pd.DataFrame(
         {"run": run.title, "path": name, "ahead_s": ahead_s, "forward_m": forward, "left_m": left}
     )

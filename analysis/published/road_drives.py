@@ -14,6 +14,7 @@ from camera_synth.truth import BorderColumns
 from sumo_net.plain_road import PlainRoad, no_objects
 from sumo_net.randomness import stream_key, uniform
 from sumo_net.settings import settings
+from sumo_net.step import STEP_S
 from sumo_net.vehicle import Vehicle
 
 Array = np.ndarray[Any, Any]
@@ -22,7 +23,7 @@ HALF, FULL, CAMERA = Vehicle(), Vehicle(mass_kg=1460.0), Camera()
 ROAD = PlainRoad(np.array([0.0, 150.0, 250.0, 420.0, 520.0]), np.array([0.0, 0.0, 1e-3, 1e-3, 0.0]))
 HORIZON_S = 2.0
 STILL_S = 8.0  # time of the picture of a run
-AHEAD = round(HORIZON_S / 0.1)  # steps
+AHEAD = round(HORIZON_S / STEP_S)  # steps
 _FINE_S = 0.01
 
 
@@ -127,7 +128,7 @@ def frames_of(
 
 def still_step(experiment: RoadRuns) -> int:
     """The step at which the picture is taken."""
-    return round(min(STILL_S, experiment.duration_s - 0.1) / 0.1)
+    return round(min(STILL_S, experiment.duration_s - STEP_S) / STEP_S)
 
 
 def driven(truth: Truth, k: int) -> tuple[Array, Array]:

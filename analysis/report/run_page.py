@@ -20,6 +20,7 @@ from analysis.report.viewer import DRIVES_BYTES, viewer_data
 from analysis.statistics import clustered_share, per_100_km, poisson_interval
 from plugin.truth import HORIZONS_S
 from sumo_net.settings import SettingsError
+from sumo_net.step import STEP_S
 from sumo_net.traffic import TrafficError
 
 MOST_EVENTS = 200  # rows of a table of events
@@ -76,7 +77,7 @@ def _facts(run: RunTables) -> list[tuple[str, str]]:
     if len(steps):
         begin, end = float(steps["time_s"].min()), float(steps["time_s"].max())
         facts += [
-            ("Simulated", f"{end - begin + 0.1:.0f} s"),
+            ("Simulated", f"{end - begin + STEP_S:.0f} s"),
             ("Equipped vehicles", str(steps["vehicle_id"].nunique())),
             ("Driven by them", f"{metrics.distance_km(steps):.1f} km"),
         ]
