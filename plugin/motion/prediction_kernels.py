@@ -89,7 +89,7 @@ def travel(x, y, heading, s, d, psi, v, v_y0, v_y1, yaw0, yaw1, k, rate, reach, 
     k_mid = road(k, rate, s + half * along0, reach)
     along = (v * math.cos(psi_mid) - v_y * math.sin(psi_mid)) / max(1.0 - d_mid * k_mid, 0.1)
     psi_new = psi + h * (yaw - k_mid * along)
-    mean = psi_mid + (yaw0 - yaw1) * h / 24.0
+    mean = psi_mid + (yaw1 - yaw0) * h / 24.0  # over the step, as above
     d_new = d + h * (v * math.sin(mean) + v_y * math.cos(mean))
     return x_new, y_new, heading + h * yaw, s + h * along, d_new, psi_new
 

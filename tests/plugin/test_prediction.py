@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from manoeuvre import drive
+from scipy.integrate import solve_ivp
 
 from plugin.motion.estimate import MotionEstimate
 from plugin.motion.prediction import (
@@ -14,7 +15,7 @@ from plugin.motion.prediction import (
     predict,
     predictor,
 )
-from plugin.motion.prediction_kernels import hold, unrest_share
+from plugin.motion.prediction_kernels import hold, travel, unrest_share
 from sumo_net.batch import select
 from sumo_net.vehicle import Vehicle, model, single_track, steady_state, zero_order_hold
 
@@ -61,6 +62,29 @@ def test_paper_is_the_single_track_model_with_the_steer_held(kmh):
     assert path.lane_heading_rad[0] == pytest.approx(truth.heading_rad[1:], abs=5e-4)
 
 
+def test_a_step_is_the_integral_of_slip_and_yaw_rate_that_change_linearly():
+    v, k, rate, h = 25.0, 0.002, 1e-5, 0.1
+    v_y, yaw = (0.3, -0.3), (0.0, 0.3)
+
+    def rates(t, x):
+        _, _, heading, s, d, psi = x
+        side, turn = (a + (b - a) * t / h for a, b in (v_y, yaw))
+        along = (v * np.cos(psi) - side * np.sin(psi)) / (1.0 - d * (k + rate * s))
+        return [
+            v * np.cos(heading) - side * np.sin(heading),
+            v * np.sin(heading) + side * np.cos(heading),
+            turn,
+            along,
+            v * np.sin(psi) + side * np.cos(psi),
+            turn - (k + rate * s) * along,
+        ]
+
+    start = [0.0, 0.0, 0.0, 0.0, 0.4, 0.02]
+    exact = solve_ivp(rates, (0.0, h), start, rtol=1e-10, atol=1e-12).y[:, -1]
+    got = travel(*start, v, *v_y, *yaw, k, rate, 1e3, h)
+    np.testing.assert_allclose(got, exact, atol=1e-4)
+
+
 @pytest.mark.parametrize("name", METHODS)
 def test_path_in_the_vehicle_frame_and_on_the_lane_are_the_same(name):
     # the lane, integrated finely in the vehicle frame, must carry the vehicle's path
@@ -91,6 +115,52 @@ def test_steady_turn_of_20_m_a_second_for_2_s_is_a_40_m_arc():
     assert chord == pytest.approx(2 * radius * np.sin(turned / 2), rel=1e-3)
     circle = constant_radius(m, speed(20.0, m), predictor(HALF, PredictionSettings()))
     assert circle.left_m[0, 19] == pytest.approx(path.left_m[0, 19], abs=5e-3)
+
+
+def followed(m, v, settings):
+    """(v_y, γ, s, d, ψ) after horizon_s by the continuous equations of the refined prediction, by scipy."""
+    c, k, rate = settings, m.curvature_1pm[0], m.curvature_rate_1pm2[0]
+    A, B = single_track(HALF, v)
+    per = HALF.wheelbase_m + HALF.understeer * v**2
+    share = per / max(v, c.slow_mps) ** 2
+    stiffness = c.return_gain * c.return_bandwidth_rps**2
+    damping = c.return_gain * 2.0 * c.return_damping * c.return_bandwidth_rps
+
+    def back(v_y, d, psi):
+        return stiffness * d + damping * (v * np.sin(psi) + v_y * np.cos(psi))
+
+    def rates(t, x):
+        v_y, yaw, s, d, psi, residual, u, w = x
+        steer = per * (k + rate * (s + c.preview_s * v)) + share * residual + u - w
+        along = (v * np.cos(psi) - v_y * np.sin(psi)) / (1.0 - d * (k + rate * s))
+        aim = intended * np.exp(-t / c.residual_time_s) - back(v_y, d, psi)
+        return [
+            *(A @ [v_y, yaw] + B[:, 0] * steer),
+            along,
+            v * np.sin(psi) + v_y * np.cos(psi),
+            yaw - (k + rate * s) * along,
+            (aim - residual) / c.steer_lag_s,
+            -u / c.unrest_time_s,
+            (u - w) / c.unrest_time_s,
+        ]
+
+    v_y, d, psi, quick = (part[0] for part in (m.lateral_speed_mps, *m[4:6], m.quick_steer_rad))
+    residual = (m.steer_rad[0] - per * (k + rate * c.preview_s * v) - quick) / share
+    intended = residual + back(v_y, d, psi)  # at first the driver steers for just what is seen
+    start = [v_y, m.yaw_rate_rps[0], 0.0, d, psi, residual, quick, 0.0]
+    return solve_ivp(rates, (0.0, c.horizon_s), start, rtol=1e-9, atol=1e-12).y[:5, -1]
+
+
+@pytest.mark.parametrize("v", [5.0, 12.0, 30.0])
+def test_refined_is_the_driver_model_integrated_by_scipy(v):
+    m = motion(0.05, 0.02, 0.004, 0.3, 0.01, 0.001, 3e-5, quick=5e-4)
+    for step_s in (0.1, 0.01):
+        settings = PredictionSettings(step_s=step_s, curvature_reach_m=1e3)
+        path = predict(m, speed(v, m), predictor(HALF, settings))
+        _, _, _, d, psi = followed(m, v, settings)
+        within_m = 0.012 * step_s * v  # a method of the first order
+        assert path.lane_offset_m[0, -1] == pytest.approx(d, abs=within_m)
+        assert path.lane_heading_rad[0, -1] == pytest.approx(psi, abs=within_m / v)
 
 
 def test_constant_velocity_follows_the_road_and_drifts():
@@ -136,11 +206,18 @@ def test_quick_steer_makes_nothing_for_long():
 
 def test_unknown_share_of_quick_steer_is_what_is_to_be_expected():
     assert unrest_share(1e-4, 3e-4, 3e-4, 0.0) == pytest.approx(0.5)
+    assert unrest_share(2e-4, 1e-4, 3e-4, 0.5) == pytest.approx(9.0 / (9.0 + 1.0 + 0.5 * 4.0))
     assert unrest_share(0.02, 3e-4, 3e-4, 0.5) < 1e-3  # a lane change is meant
     unknown, half = motion(steer=0.0, quick=np.nan), motion(steer=0.0, quick=0.0)
     settings = predictor(HALF, PredictionSettings())
     for a, b in zip(*(predict(m, speed(25.0, m), settings) for m in (unknown, half)), strict=True):
         np.testing.assert_array_equal(a, b)
+    c, v = PredictionSettings(), 25.0
+    calm = c.calm_mps2 * (HALF.wheelbase_m + HALF.understeer * v**2) / v**2
+    share = unrest_share(5e-4, calm, c.unrest_rad, c.unrest_doubt)
+    unknown, known = motion(steer=5e-4, quick=np.nan), motion(steer=5e-4, quick=5e-4 * share)
+    for a, b in zip(*(predict(m, speed(v, m), settings) for m in (unknown, known)), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
 
 
 def test_lane_keeping_leads_back_to_the_centre():
