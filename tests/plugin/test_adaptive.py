@@ -37,7 +37,7 @@ def test_safe_step_is_the_formula() -> None:
 
 
 def test_patent_steps_are_the_formulas() -> None:
-    """Eqs. (8) to (14) written out plainly for one track, over enough steps for R to turn indefinite."""
+    """Eqs. (8) to (14) written out plainly for one track, until every covariance has turned indefinite."""
     rng = np.random.default_rng(2)
     state = start(rng, 1)
     x, P, q, Qk = state.x[0], state.P[0], np.zeros(6), Q
@@ -48,7 +48,8 @@ def test_patent_steps_are_the_formulas() -> None:
         d = (1 - B) / (1 - B ** (k + 1))
         predicted, Pp = F @ x + q, F @ P @ F.T + Qk
         e = z - H @ predicted - r
-        K = Pp @ H.T @ np.linalg.inv(H @ Pp @ H.T + R)
+        S = H @ Pp @ H.T + R
+        K = Pp @ H.T @ np.linalg.inv(S)
         x_new, P_new = predicted + K @ e, (np.eye(6) - K @ H) @ Pp
         q = (1 - d) * q + d * (x_new - F @ x)
         Qk = (1 - d) * Qk + d * (np.outer(K @ e, K @ e) + P_new - F @ P @ F.T)
@@ -59,10 +60,17 @@ def test_patent_steps_are_the_formulas() -> None:
         state = adaptive.update_patent(state, z[None], np.array([True]), H, B, True)
         for ours, theirs in zip(state, (x, P, q, Qk, r, R), strict=False):
             np.testing.assert_allclose(ours[0], theirs, rtol=1e-6, atol=1e-8)
-        indefinite = np.linalg.eigvalsh((R + R.T) / 2)[0] < -1e-9
-        assert bool(state.flags[0] & adaptive.R_INDEFINITE) == indefinite
+        for flag, matrix in (
+            (adaptive.R_INDEFINITE, R),
+            (adaptive.Q_INDEFINITE, Qk),
+            (adaptive.P_INDEFINITE, P),
+            (adaptive.S_INDEFINITE, S),
+        ):
+            indefinite = np.linalg.eigvalsh((matrix + matrix.T) / 2)[0] < -1e-9
+            assert bool(state.flags[0] & flag) == indefinite
         flags |= state.flags[0]
-    assert flags & adaptive.R_INDEFINITE
+    everything = adaptive.R_INDEFINITE | adaptive.Q_INDEFINITE | adaptive.P_INDEFINITE | adaptive.S_INDEFINITE
+    assert flags == everything
 
 
 def test_patent_without_process_adaptation_keeps_q_and_r() -> None:
@@ -82,6 +90,8 @@ def test_numbers_that_are_lost_are_flagged() -> None:
     broken = state._replace(R=np.full((1, 3, 3), np.nan))
     after = adaptive.update_patent(broken, np.ones((1, 3)), np.array([True]), GROUND_C, B, True)
     assert after.flags[0] & adaptive.NOT_FINITE
+    after = adaptive.update_patent(state, np.full((1, 3), 1e9), np.array([True]), GROUND_C, B, True)
+    assert after.flags[0] & adaptive.NOT_FINITE  # it diverges
 
 
 @pytest.mark.parametrize("form", ["safe", "patent"])

@@ -61,6 +61,13 @@ def test_moving_stops_in_the_second_cycle_and_goes_in_the_third(
     assert run([speed] * 3 + [0.0] * 2 + [-speed] * 3)[-1] == other
 
 
+def test_slower_than_the_thresholds_of_moving_is_a_stop() -> None:
+    assert run([20.0] * 3 + [1.49] * 2)[-1] == c.STOPPED_SAME  # V_t = 1.5
+    assert run([20.0] * 3 + [1.5] * 9)[-1] == c.SAME_DIRECTION
+    assert run([-20.0] * 3 + [-2.99] * 2)[-1] == c.STOPPED_ONCOMING  # V_x = -3
+    assert run([-20.0] * 3 + [-3.0] * 9)[-1] == c.ONCOMING
+
+
 def test_stationary_goes_only_strictly_beyond_the_thresholds() -> None:
     assert run([0.0] * 3 + [1.5] * 9)[-1] == c.STATIONARY
     assert run([0.0] * 3 + [1.51] * 3)[-3:] == [c.STATIONARY, c.STATIONARY, c.SAME_DIRECTION]

@@ -189,7 +189,13 @@ def test_not_earlier_and_not_later_than_the_zone():
     early = DepartureSettings(threshold_s=3.0, hysteresis_s=0.0)
     offset, drift = drift_out(0.4, 45, -0.5)
     first = int(np.argmax(play(offset, drift, settings=early).started[:, 0] != 0))
-    assert INSIDE_M - offset[first] <= 0.75 + 1e-9
+    assert 0.71 <= INSIDE_M - offset[first] <= 0.75 + 1e-9  # the next step after the line
+    offset, drift = drift_out(0.8, 35, -1.1)
+    first = int(np.argmax(play(offset, drift, settings=early).started[:, 0] != 0))
+    assert 1.12 <= INSIDE_M - offset[first] <= 1.2 + 1e-9  # 1.5 s times the rate of departure
+    offset, drift = drift_out(2.0, 12, -1.1)
+    first = int(np.argmax(play(offset, drift, settings=early).started[:, 0] != 0))
+    assert 1.3 <= INSIDE_M - offset[first] <= 1.5 + 1e-9
     # found beyond the border by more than 0.3 m: too late to warn
     assert not play(np.full(20, INSIDE_M + 0.35), np.full(20, 0.2)).started.any()
     assert play(np.full(20, INSIDE_M + 0.2), np.full(20, 0.2)).started.any()

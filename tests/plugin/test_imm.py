@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 
 from plugin.tracking import imm, kalman
 from plugin.tracking.block_kernels import BLOCK
+from plugin.tracking.imm_kernels import expect
 from plugin.tracking.models import POLAR_H, PUBLISHED_MOTION, RadarNoise, polar_models
 
 R = RadarNoise().covariance
@@ -126,8 +127,23 @@ def test_a_mode_at_probability_zero_is_revived_by_the_markov_step() -> None:
     state = imm.predict(imm.init(x, P, np.array([1.0, 0.0])), F, Q, MARKOV[None])
     np.testing.assert_allclose(state.mu[0], [0.98, 0.02])
     stuck = imm.predict(imm.init(x, P, np.array([1.0, 0.0])), F, Q, np.eye(2)[None])
-    assert np.isfinite(stuck.x).all()
-    assert np.isfinite(stuck.P).all()
+    for j in range(2):  # a model that cannot be reached goes on by itself
+        np.testing.assert_allclose(stuck.x[0, j], F[0, j] @ x[0])
+        np.testing.assert_allclose(stuck.P[0, j], F[0, j] @ P[0] @ F[0, j].T + Q[0, j], atol=1e-15)
+
+
+def test_the_expected_measurement_is_that_of_the_mixture() -> None:
+    z = manoeuvre(np.random.default_rng(8), tracks=3, steps=30)
+    F, Q = polar_models(("cv", "ca"), PUBLISHED_MOTION).transition(np.array([0.1]))
+    state = imm.init(*start(z[0]), np.array([0.5, 0.5]))
+    for k in range(1, len(z)):
+        state = imm.predict(state, F, Q, MARKOV[None])
+        state, _ = imm.update(state, z[k], np.ones(3, np.bool_), R)
+    state.x[:, 1] += 1.0  # the models differ, so that their spread counts
+    mean, covariance = imm.combine(state)
+    expected, S = expect(3, *state, R)
+    np.testing.assert_allclose(expected, mean @ POLAR_H.T, rtol=1e-12)
+    np.testing.assert_allclose(S, POLAR_H @ covariance @ POLAR_H.T + R, rtol=1e-12)
 
 
 def test_a_broken_covariance_is_flagged() -> None:

@@ -65,6 +65,14 @@ def test_constant_velocity_is_gap_over_drift():
     assert got.gap_left_m == pytest.approx([INSIDE_M - 0.3, INSIDE_M, INSIDE_M - 0.5, INSIDE_M])
 
 
+def test_gaps_are_those_of_the_front_wheels_of_a_turned_vehicle():
+    m = motion(offset=0.3, heading=0.1)
+    got = time_to_lane_crossing(m, constant_velocity(m, speed(25.0, m), PAPER), HALF)
+    axle, wheel = 0.3 + 0.9 * np.sin(0.1), 0.75 * np.cos(0.1)
+    assert got.gap_left_m[0] == pytest.approx(1.875 - axle - wheel)
+    assert got.gap_right_m[0] == pytest.approx(1.875 + axle - wheel)
+
+
 def test_constant_radius_against_the_closed_form():
     # heading along the lane on a circle of curvature κ: d = v² κ t² / 2 for small angles; the front axle
     # lies l_f v κ t farther

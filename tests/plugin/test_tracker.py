@@ -172,6 +172,33 @@ def test_a_confirmed_track_coasts_and_then_ends_and_its_id_is_not_used_again() -
     assert lives[19] == ([1], [0])
 
 
+def test_a_tentative_track_ends_once_it_can_no_longer_be_confirmed() -> None:
+    tracker, state, alive = Tracker(TrackerSettings(coast_s=5.0)), None, []
+    state = tracker.init(1)
+    for hit in "10001":
+        found = detections([(50.0, 0.0, 0.0)] if hit == "1" else [])
+        state, tracks = tracker.step(state, found, at_rest(1), 0.1)
+        alive.append(tracks.track_id.tolist())
+    assert alive == [[0], [0], [0], [], [1]]  # 3 of 5 cannot be reached after the third miss
+
+
+@pytest.mark.parametrize(
+    ("limit", "rate_mps"),
+    [({"nearest_m": 48.0}, -10.0), ({"furthest_m": 52.0}, 10.0), ({"fastest_mps": 9.0}, 10.0)],
+)
+def test_a_track_out_of_bounds_ends(limit: dict[str, float], rate_mps: float) -> None:
+    last = {}
+    for name, options in (("kept", TrackerSettings()), ("ended", TrackerSettings(**limit))):
+        tracker = Tracker(options)
+        state = tracker.init(1)
+        for k in range(6):
+            found = detections([(50.0 + 0.1 * k * rate_mps, rate_mps, 0.0)])
+            state, tracks = tracker.step(state, found, at_rest(1), 0.1)
+        last[name] = tracks.track_id.tolist()
+    assert last["kept"] == [0]
+    assert last["ended"] != [0]
+
+
 def test_a_gap_of_seconds_ends_all_tracks_of_that_vehicle_only() -> None:
     tracker, here = Tracker(TrackerSettings()), detections([(50.0, 0.0, 0.0), (50.0, 0.0, 0.0)])
     both = here._replace(owner=np.array([0, 1]))
