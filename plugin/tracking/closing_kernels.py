@@ -54,111 +54,145 @@ def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, fresh, d
 
     x (T, r, 4), P (T, r, 4, 4), mu (T, r), own_before and misfits (T,): a ClosingState's. own (T,): the
     radar's speed along the line of sight now. z_range, z_rate, width_px (T,) are NaN where nothing was
-    measured; `fresh` ones (T,) stay as they are. p: ClosingNumbers. The process noise of a step is that of an
-    acceleration that changes linearly over it, by σ² (1 - e^(-2 d / time)).
+    measured; `fresh` ones (T,) stay as they are. p: ClosingNumbers.
     """
     tracks, r = len(x), x.shape[1]
-    x0, P0, c, log_mu = np.empty((r, _N)), np.empty((r, _N, _N)), np.empty(r), np.empty(r)
+    x0, P0, log_mu = np.empty((r, _N)), np.empty((r, _N, _N)), np.empty(r)
     F, A, h = np.eye(_N), np.empty((_N, _N)), np.empty(_N)
     for t in range(tracks):
         if fresh[t]:
             for a in range(_N):
                 out[t, a] = x[t, 0, a]
             continue
-        for j in range(r):  # mixing
-            total = 0.0
-            for i in range(r):
-                total += p.markov[i, j] * mu[t, i]
-            c[j] = total
-            for a in range(_N):
-                x0[j, a] = 0.0
-                for i in range(r):
-                    x0[j, a] += p.markov[i, j] * mu[t, i] / total * x[t, i, a]
-            for a in range(_N):
-                for b in range(_N):
-                    P0[j, a, b] = 0.0
-                    for i in range(r):
-                        P0[j, a, b] += (
-                            p.markov[i, j] * mu[t, i] / total
-                            * (P[t, i, a, b] + (x[t, i, a] - x0[j, a]) * (x[t, i, b] - x0[j, b]))
-                        )  # fmt: skip
-        highest = -math.inf
+        _mix(x[t], P[t], mu[t], p.markov, x0, P0, log_mu)
         for j in range(r):
-            e = math.exp(-d / p.time[j])
-            F[0, 1], F[0, 2], F[1, 2], F[2, 2] = d, 0.5 * d * d, d, e
-            for a in range(_N):
-                x[t, j, a] = 0.0
-                for b in range(_N):
-                    x[t, j, a] += F[a, b] * x0[j, b]
-                    A[a, b] = 0.0
-                    for k in range(_N):
-                        A[a, b] += F[a, k] * P0[j, k, b]
-            for a in range(_N):
-                for b in range(_N):
-                    P[t, j, a, b] = 0.0
-                    for k in range(_N):
-                        P[t, j, a, b] += A[a, k] * F[b, k]
-            x[t, j, RANGE] = max(x[t, j, RANGE] - 0.5 * (own[t] + own_before[t]) * d, _NEAREST_M)
-            q = p.sigma[j] ** 2 * (1.0 - e * e)
-            g0, g1 = d * d / 6.0, 0.5 * d
-            P[t, j, 0, 0] += q * g0 * g0
-            P[t, j, 0, 1] += q * g0 * g1
-            P[t, j, 1, 0] += q * g0 * g1
-            P[t, j, 0, 2] += q * g0
-            P[t, j, 2, 0] += q * g0
-            P[t, j, 1, 1] += q * g1 * g1
-            P[t, j, 1, 2] += q * g1
-            P[t, j, 2, 1] += q * g1
-            P[t, j, 2, 2] += q
-            P[t, j, 3, 3] += p.width_walk**2 * d
-            log_mu[j] = math.log(max(c[j], 1e-300))
+            _predict(x[t, j], P[t, j], x0[j], P0[j], p.time[j], p.sigma[j], d, p.width_walk, F, A)
+            driven = 0.5 * (own[t] + own_before[t]) * d
+            x[t, j, RANGE] = max(x[t, j, RANGE] - driven, _NEAREST_M)
         own_before[t] = own[t]
         if math.isfinite(z_range[t]):
-            fits = False  # a second point of a long body, metres further
-            h[:] = 0.0
-            h[RANGE] = 1.0
-            for j in range(r):
-                y = z_range[t] - x[t, j, RANGE]
-                fits = fits or y * y < p.gate * _spread(P[t, j], h, p.range_noise**2)
-            for j in range(r):
-                h[:] = 0.0
-                h[RANGE] = 1.0
-                if fits:
-                    log_mu[j] += _update(x[t, j], P[t, j], z_range[t] - x[t, j, RANGE], h, p.range_noise**2)
-                h[:] = 0.0
-                h[SPEED] = 1.0
-                y = z_rate[t] + own[t] - x[t, j, SPEED]
-                log_mu[j] += _update(x[t, j], P[t, j], y, h, p.rate_noise**2)
+            _measure_echo(x[t], P[t], z_range[t], z_rate[t] + own[t], p, h, log_mu)
         if math.isfinite(width_px[t]):
-            variance = p.edge_px**2 + (p.edge_share * width_px[t]) ** 2
-            fits = False
-            for j in range(r):
-                y = _width_row(x[t, j], width_px[t], p, h)
-                fits = fits or y * y < p.gate * _spread(P[t, j], h, variance)
-            misfits[t] = 0 if fits else misfits[t] + 1
-            for j in range(r):
-                if misfits[t] >= MISFITS:  # the learned width was another body's: start again
-                    P[t, j, WIDTH, :] = 0.0
-                    P[t, j, :, WIDTH] = 0.0
-                    P[t, j, WIDTH, WIDTH] = p.width_std**2
-                    x[t, j, WIDTH] = p.width
-                if fits:
-                    y = _width_row(x[t, j], width_px[t], p, h)
-                    log_mu[j] += _update(x[t, j], P[t, j], y, h, variance)
-            if misfits[t] >= MISFITS:
-                misfits[t] = 0
-        for j in range(r):
-            highest = max(highest, log_mu[j])
+            misfits[t] = _measure_width(x[t], P[t], width_px[t], misfits[t], p, h, log_mu)
+        _weigh(x[t], log_mu, mu[t], out[t])
+
+
+@kernel
+def _mix(x, P, mu, markov, x0, P0, log_mu):  # type: ignore[no-untyped-def]
+    """Mix r models by their probabilities mu (r,), into x0, P0; log_mu: logarithm of the predicted ones."""
+    r = len(mu)
+    for j in range(r):
         total = 0.0
-        for j in range(r):
-            mu[t, j] = math.exp(log_mu[j] - highest)
-            total += mu[t, j]
+        for i in range(r):
+            total += markov[i, j] * mu[i]
+        log_mu[j] = math.log(max(total, 1e-300))
         for a in range(_N):
-            out[t, a] = 0.0
-        for j in range(r):
-            mu[t, j] /= total
-            for a in range(_N):
-                out[t, a] += mu[t, j] * x[t, j, a]
+            x0[j, a] = 0.0
+            for i in range(r):
+                x0[j, a] += markov[i, j] * mu[i] / total * x[i, a]
+        for a in range(_N):
+            for b in range(_N):
+                P0[j, a, b] = 0.0
+                for i in range(r):
+                    moved = (x[i, a] - x0[j, a]) * (x[i, b] - x0[j, b])
+                    P0[j, a, b] += markov[i, j] * mu[i] / total * (P[i, a, b] + moved)
+
+
+@kernel
+def _predict(x, P, x0, P0, time, sigma, d, width_walk, F, A):  # type: ignore[no-untyped-def]
+    """Predict a Singer model over d seconds from x0, P0 into x, P, without the own motion.
+
+    The process noise is that of an acceleration that changes linearly over the step, by σ² (1 - e^(-2 d /
+    time)). F: the identity at first; A (4, 4): work space.
+    """
+    e = math.exp(-d / time)
+    F[0, 1], F[0, 2], F[1, 2], F[2, 2] = d, 0.5 * d * d, d, e
+    for a in range(_N):
+        x[a] = 0.0
+        for b in range(_N):
+            x[a] += F[a, b] * x0[b]
+            A[a, b] = 0.0
+            for k in range(_N):
+                A[a, b] += F[a, k] * P0[k, b]
+    for a in range(_N):
+        for b in range(_N):
+            P[a, b] = 0.0
+            for k in range(_N):
+                P[a, b] += A[a, k] * F[b, k]
+    q = sigma**2 * (1.0 - e * e)
+    g0, g1 = d * d / 6.0, 0.5 * d
+    P[0, 0] += q * g0 * g0
+    P[0, 1] += q * g0 * g1
+    P[1, 0] += q * g0 * g1
+    P[0, 2] += q * g0
+    P[2, 0] += q * g0
+    P[1, 1] += q * g1 * g1
+    P[1, 2] += q * g1
+    P[2, 1] += q * g1
+    P[2, 2] += q
+    P[3, 3] += width_walk**2 * d
+
+
+@kernel
+def _measure_echo(x, P, z_range, z_speed, p, h, log_mu):  # type: ignore[no-untyped-def]
+    """Update r models by a range, if it fits, and a speed; log_mu collects their log-likelihoods."""
+    fits = False  # else: a second point of a long body, metres further
+    _row(h, RANGE)
+    for j in range(len(x)):
+        y = z_range - x[j, RANGE]
+        fits = fits or y * y < p.gate * _spread(P[j], h, p.range_noise**2)
+    for j in range(len(x)):
+        if fits:
+            _row(h, RANGE)
+            log_mu[j] += _update(x[j], P[j], z_range - x[j, RANGE], h, p.range_noise**2)
+        _row(h, SPEED)
+        log_mu[j] += _update(x[j], P[j], z_speed - x[j, SPEED], h, p.rate_noise**2)
+
+
+@kernel
+def _row(h, measured):  # type: ignore[no-untyped-def]
+    """h (4,) <- the row of one measured state."""
+    h[:] = 0.0
+    h[measured] = 1.0
+
+
+@kernel
+def _measure_width(x, P, width_px, misfits, p, h, log_mu):  # type: ignore[no-untyped-def]
+    """Update r models by a width in the image, if it fits; returns how many in a row have not."""
+    variance = p.edge_px**2 + (p.edge_share * width_px) ** 2
+    fits = False
+    for j in range(len(x)):
+        y = _width_row(x[j], width_px, p, h)
+        fits = fits or y * y < p.gate * _spread(P[j], h, variance)
+    misfits = 0 if fits else misfits + 1
+    for j in range(len(x)):
+        if misfits >= MISFITS:  # the learned width was another body's: start again
+            P[j, WIDTH, :] = 0.0
+            P[j, :, WIDTH] = 0.0
+            P[j, WIDTH, WIDTH] = p.width_std**2
+            x[j, WIDTH] = p.width
+        if fits:
+            y = _width_row(x[j], width_px, p, h)
+            log_mu[j] += _update(x[j], P[j], y, h, variance)
+    return 0 if misfits >= MISFITS else misfits
+
+
+@kernel
+def _weigh(x, log_mu, mu, out):  # type: ignore[no-untyped-def]
+    """Probabilities mu (r,) of the models from log_mu, and the mean of their states into out (4,)."""
+    highest = -math.inf
+    for j in range(len(mu)):
+        highest = max(highest, log_mu[j])
+    total = 0.0
+    for j in range(len(mu)):
+        mu[j] = math.exp(log_mu[j] - highest)
+        total += mu[j]
+    for a in range(_N):
+        out[a] = 0.0
+    for j in range(len(mu)):
+        mu[j] /= total
+        for a in range(_N):
+            out[a] += mu[j] * x[j, a]
 
 
 @kernel
