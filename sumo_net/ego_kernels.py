@@ -4,6 +4,7 @@ Road frame: d left of the path, e = heading minus the path's heading; ḋ = v si
 """
 
 import math
+from typing import NamedTuple
 
 from sumo_net.compile import kernel
 from sumo_net.driver_kernels import at_speed, attend, correction, profile, tightness, unrest, veer
@@ -135,6 +136,107 @@ def guided(x, line, curvature, along, share, p):  # type: ignore[no-untyped-def]
     )
 
 
+class Course(NamedTuple):
+    """The line that a driver follows over a step: that of a drift if `veering`, else of a lane change."""
+
+    veering: bool
+    veer_from_m: float
+    veer_rate_mps: float
+    veer_ramp_s: float
+    from_m: float
+    from_rate_mps: float
+    from_rate2_mps2: float
+    target_m: float
+    duration_s: float
+    preview_s: float  # the acceleration counts this much earlier
+
+
+@kernel
+def _course(mind, traits, i, preview):  # type: ignore[no-untyped-def]
+    return Course(
+        mind.veer_left_s[i] > 0.0,
+        mind.veer_from_m[i],
+        mind.veer_rate_mps[i],
+        mind.veer_ramp_s[i],
+        mind.change_from_m[i],
+        mind.change_rate_mps[i],
+        mind.change_rate2_mps2[i],
+        traits.offset_m[i],
+        mind.change_duration_s[i],
+        preview,
+    )
+
+
+@kernel
+def _changing(course, elapsed):  # type: ignore[no-untyped-def]
+    """Position, velocity, acceleration of a Course's lane change."""
+    return profile(
+        course.from_m,
+        course.from_rate_mps,
+        course.from_rate2_mps2,
+        course.target_m,
+        elapsed,
+        course.duration_s,
+    )
+
+
+@kernel
+def _line(course, elapsed, veer_elapsed):  # type: ignore[no-untyped-def]
+    """Position, velocity, and previewed acceleration of a Course."""
+    ahead = course.preview_s
+    if course.veering:
+        begin, rate, ramp = course.veer_from_m, course.veer_rate_mps, course.veer_ramp_s
+        line, line_rate, _ = veer(begin, rate, ramp, veer_elapsed)
+        _, _, line_rate2 = veer(begin, rate, ramp, veer_elapsed + ahead)
+        return line, line_rate, line_rate2
+    if elapsed < course.duration_s:
+        line, line_rate, _ = _changing(course, elapsed)
+        _, _, line_rate2 = _changing(course, elapsed + ahead)
+        return line, line_rate, line_rate2
+    return course.target_m, 0.0, 0.0
+
+
+@kernel
+def _demand(x, v, line, disturbance, look, tight, c):  # type: ignore[no-untyped-def]
+    """Curvature in 1/m that the driver steers at speed v: `look`, the road's, and back to the line.
+
+    line: position, velocity, acceleration; disturbance: m/s².
+    """
+    # Below `slow`, control goes by distance, not time: nothing is singular at standstill.
+    v_scale = max(v, c.slow)
+    per_square = 1.0 / (v_scale * v_scale)
+    harder = 1.0 + c.tight_gain * tight
+    sine, cosine = sine_cosine(x[1])
+    drift = v_scale * (sine + x[2] * cosine / max(v, 1.0))
+    back, limit = correction(
+        x[0] - line[0],
+        drift - line[1],
+        c.bandwidth * harder,
+        c.damping,
+        c.correction_most * harder,
+        c.acceleration_most,
+    )
+    back += line[2] + disturbance
+    back = min(max(back, -limit), limit)
+    # Friction limits the demand, unless SUMO itself drives a turn faster than that.
+    most = c.acceleration_most * per_square
+    if tight > 0.0:
+        most = max(most, limit * per_square + abs(look))
+    return min(max(look + back * per_square, -most), most)
+
+
+@kernel
+def _attention(i, x, steer, tight, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
+    """Let the driver's attention, and episodes of inattention, go on; returns the new slow noise."""
+    k, square = drive.curvature_after_1pm[i], drive.speed_after_mps[i] * drive.speed_after_mps[i]
+    calm = abs(k) * square < c.calm_curve and abs(drive.curvature_sight_1pm[i] - k) * square < c.calm_change
+    if tight > 0.2:  # R < 78 m: no inattention in turns
+        calm = False
+        mind.episode_left_s[i] = min(mind.episode_left_s[i], STEP_S)
+    front = x[0] + p.l_f * math.sin(x[1])
+    return attend(mind, traits, i, x[0], front, drive.half_lane_m[i], steer, calm, drive.alerted[i], c)
+
+
 @kernel
 def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
     """One step of 0.1 s for n vehicles, in place in `motion` (Motion) and `mind` (Mind).
@@ -155,83 +257,40 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         stretch = drive.distance_m[i] / (STEP_S * v_mean) if v_mean > 0.01 else 1.0
 
         tight = tightness(max(abs(k_old), abs(k_new), abs(look_new)))
-        square = v_new * v_new
-        calm = (
-            abs(k_new) * square < c.calm_curve
-            and abs(drive.curvature_sight_1pm[i] - k_new) * square < c.calm_change
-        )
-        if tight > 0.2:  # R < 78 m: no inattention in turns
-            calm = False
-            mind.episode_left_s[i] = min(mind.episode_left_s[i], STEP_S)
-        front = x[0] + p.l_f * math.sin(x[1])
-        noise_new = attend(
-            mind, traits, i, x[0], front, drive.half_lane_m[i], steer, calm, drive.alerted[i], c
-        )
+        noise_new = _attention(i, x, steer, tight, mind, traits, drive, c, p)
         noise_old = mind.noise[i]
         mind.noise[i] = noise_new
         frozen = mind.episode_left_s[i] > 0.0
-        held, drift_error = mind.held_steer_rad[i], mind.drift_mps2[i]
         jitter_old = jitter_end = c.jitter_gain * (mind.unrest[i] - mind.calm[i])
         jitter_change = c.jitter_gain * unrest(mind, traits, i, c.jitter_keep) - jitter_old
         # The slow disturbance makes up what the jitter leaves of the driver's SDLP
         slow_sd = math.sqrt(max(traits.sd_m[i] ** 2 - at_speed(c.jitter_lateral, v_mean) ** 2, 0.0))
         scale = slow_sd * at_speed(c.noise_scale, v_mean)  # m/s² of disturbance
-        preview = at_speed(c.preview, v_mean)
-        target, elapsed, duration = traits.offset_m[i], mind.change_elapsed_s[i], mind.change_duration_s[i]
-        start, start_rate, start_rate2 = (
-            mind.change_from_m[i], mind.change_rate_mps[i], mind.change_rate2_mps2[i],
-        )  # fmt: skip
-
-        veering = mind.veer_left_s[i] > 0.0
-        veer_from, veer_rate = mind.veer_from_m[i], mind.veer_rate_mps[i]
-        veer_ramp, veer_elapsed = mind.veer_ramp_s[i], mind.veer_elapsed_s[i]
-
-        harder = 1.0 + c.tight_gain * tight
-        bandwidth, correction_most = c.bandwidth * harder, c.correction_most * harder
-        damping, friction_most, steer_most, slow = c.damping, c.acceleration_most, c.steer_most, c.slow
-        wheelbase, understeer, per_slow = c.wheelbase, c.understeer, 1.0 / slow
+        course = _course(mind, traits, i, at_speed(c.preview, v_mean))
+        elapsed, veer_elapsed = mind.change_elapsed_s[i], mind.veer_elapsed_s[i]
 
         for j in range(SUBSTEPS):
             begin, end = j / SUBSTEPS, (j + 1) / SUBSTEPS
             v, v_end = v_old + begin * (v_new - v_old), v_old + end * (v_new - v_old)
             k, k_end = k_old + begin * (k_new - k_old), k_old + end * (k_new - k_old)
-            # Below `slow`, control goes by distance, not time: nothing is singular at standstill.
-            v_scale = max(v, slow)
-            per_square = 1.0 / (v_scale * v_scale)
-            steer_per_curvature = wheelbase * (1.0 + understeer * v * v)
+            steer_per_curvature = c.wheelbase * (1.0 + c.understeer * v * v)
             if frozen:
-                asked = held + steer_per_curvature * drift_error * per_square
+                v_scale = max(v, c.slow)
+                drift = steer_per_curvature * mind.drift_mps2[i]
+                asked = mind.held_steer_rad[i] + drift * (1.0 / (v_scale * v_scale))
             else:
-                sine, cosine = sine_cosine(x[1])
-                drift = v_scale * (sine + x[2] * cosine / max(v, 1.0))
-                line, line_rate, line_rate2 = target, 0.0, 0.0
-                if veering:
-                    line, line_rate, _ = veer(veer_from, veer_rate, veer_ramp, veer_elapsed)
-                    _, _, line_rate2 = veer(veer_from, veer_rate, veer_ramp, veer_elapsed + preview)
-                elif elapsed < duration:
-                    line, line_rate, _ = profile(start, start_rate, start_rate2, target, elapsed, duration)
-                    _, _, line_rate2 = profile(
-                        start, start_rate, start_rate2, target, elapsed + preview, duration
-                    )
-                back, limit = correction(
-                    x[0] - line, drift - line_rate, bandwidth, damping, correction_most, friction_most
-                )
-                back += line_rate2 + scale * (noise_old + begin * (noise_new - noise_old))
-                back = min(max(back, -limit), limit)
+                line = _line(course, elapsed, veer_elapsed)
+                disturbance = scale * (noise_old + begin * (noise_new - noise_old))
                 look = look_old + begin * (look_new - look_old)
-                # Friction limits the demand, unless SUMO itself drives a turn faster than that.
-                most = friction_most * per_square
-                if tight > 0.0:
-                    most = max(most, limit * per_square + abs(look))
-                asked = steer_per_curvature * min(max(look + back * per_square, -most), most)
-            asked = min(max(asked, -steer_most), steer_most)
+                asked = steer_per_curvature * _demand(x, v, line, disturbance, look, tight, c)
+            asked = min(max(asked, -c.steer_most), c.steer_most)
             move = min(max(steer_share * (asked - steer), -steer_move_most), steer_move_most)
             jitter, jitter_end = jitter_end, jitter_old + end * jitter_change
             x = runge_kutta(
                 x, steer + jitter, steer + move + jitter_end, stretch * v, stretch * v_end, k, k_end, h, p
             )
             steer += move
-            elapsed += h * min(1.0, v * per_slow)
+            elapsed += h * min(1.0, v * (1.0 / c.slow))
             veer_elapsed += h
 
         mind.change_elapsed_s[i] = elapsed
@@ -239,9 +298,8 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         bend = max(abs(k_old), abs(k_new), abs(look_old), abs(look_new))
         guide = guidance(bend, v_mean, x[1], x[3] - k_new * stretch * v_new, c)
         if guide > 0.0:
-            line, _, _ = profile(start, start_rate, start_rate2, target, elapsed, duration)
-            x = guided(x, line, k_new, stretch * v_new, guide, p)
-            steer += guide * (min(max(wheelbase * k_new, -steer_most), steer_most) - steer)
+            x = guided(x, _changing(course, elapsed)[0], k_new, stretch * v_new, guide, p)
+            steer += guide * (min(max(c.wheelbase * k_new, -c.steer_most), c.steer_most) - steer)
         motion.offset_m[i], motion.heading_rad[i] = x[0], x[1]
         motion.lateral_speed_mps[i], motion.yaw_rate_rps[i] = x[2], x[3]
         motion.steer_rad[i] = steer + jitter_end
