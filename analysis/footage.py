@@ -21,6 +21,7 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".pp
 
 MOST_PIXELS = 10**8  # of a picture; 8K video has a third of that
 MOST_BYTES = 2**30  # of an image's file
+MOST_LOST = 250  # unreadable frames of a video in a row, after which it is given up
 
 
 class FootageError(InputError):
@@ -30,6 +31,7 @@ class FootageError(InputError):
 class Recorded(NamedTuple):
     """One frame of a recording."""
 
+    number: int  # from 0, unreadable frames counted
     time_s: float
     grey: Array  # (240, 320) uint8
     size_px: tuple[int, int]  # width and height before scaling
@@ -53,14 +55,19 @@ class Footage(NamedTuple):
 def open_footage(source: Path | str, image_step_s: float = 0.1) -> Footage:
     """Determine the kind of `source`; images of a folder are `image_step_s` apart.
 
-    Raises FootageError if there is nothing to read.
+    Hidden files of a folder are no images. Raises FootageError if there is nothing to read.
     """
     path = Path(source)
     if not path.exists():
         raise FootageError(f"{path}: no such file or folder")
     if path.is_dir():
         images = sorted(
-            (file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES), key=_natural
+            (
+                file
+                for file in path.iterdir()
+                if file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".")
+            ),
+            key=_natural,
         )
         if not images:
             raise FootageError(f"{path}: holds no image ({', '.join(IMAGE_SUFFIXES)})")
@@ -75,23 +82,41 @@ def open_footage(source: Path | str, image_step_s: float = 0.1) -> Footage:
 
 
 def frames(footage: Footage) -> Iterator[Recorded]:
-    """The frames in order. Raises FootageError at an image or video that cannot be read."""
-    if footage.images:
-        for index, image in enumerate(footage.images):
-            yield _recorded(index * footage.step_s, read_picture(image))
-        return
+    """The frames in order, without those that cannot be read. Raises FootageError if none can."""
+    yield from _images(footage) if footage.images else _video(footage)
+
+
+def _images(footage: Footage) -> Iterator[Recorded]:
+    failed: list[FootageError] = []
+    for index, image in enumerate(footage.images):
+        try:
+            picture = read_picture(image)
+        except FootageError as error:
+            failed.append(error)
+        else:
+            yield _recorded(index, footage.step_s, picture)
+    if len(failed) == len(footage.images):
+        raise failed[0]
+
+
+def _video(footage: Footage) -> Iterator[Recorded]:
+    """A frame counts as unreadable while fewer have been tried than the file states."""
     video = _open_video(footage.path)
     try:
-        index = 0
-        while True:
-            there, image = video.read()
-            if not there:
+        index = found = lost = 0
+        while lost <= MOST_LOST:
+            there, picture = video.read()
+            if there:
+                yield _recorded(index, footage.step_s, picture)
+                found, lost = found + 1, 0
+            elif index < footage.frame_count:
+                lost += 1
+            else:
                 break
-            yield _recorded(index * footage.step_s, image)
             index += 1
     finally:
         video.release()
-    if index == 0:
+    if found == 0:
         raise FootageError(f"{footage.path}: holds no frame that can be read")
 
 
@@ -157,7 +182,7 @@ def _open_video(path: Path) -> Any:
     return video
 
 
-def _recorded(time_s: float, picture: Array) -> Recorded:
+def _recorded(index: int, step_s: float, picture: Array) -> Recorded:
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     height, width = grey.shape
     if (width, height) != (WIDTH_PX, HEIGHT_PX):
@@ -166,7 +191,7 @@ def _recorded(time_s: float, picture: Array) -> Recorded:
         grey = cv2.resize(
             grey, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_LINEAR
         )
-    return Recorded(time_s, np.ascontiguousarray(grey), (width, height), picture)
+    return Recorded(index, index * step_s, np.ascontiguousarray(grey), (width, height), picture)
 
 
 def _natural(path: Path) -> list[Any]:

@@ -104,28 +104,43 @@ def detect(
         film = stack.enter_context(Film(Path(overlay), footage.step_s)) if overlay is not None else None
         speed = UNKNOWN_MPS if speed_mps is None else speed_mps
         driven = Driven(calibrated, speed, footage.step_s)
-        for index, (recorded, found, fresh) in enumerate(_look(footage, calibrated, mode, speed)):
+        for recorded, found, fresh in _look(footage, calibrated, mode, speed):
             ahead = driven.step(found.lane, fresh)
             if speed_mps is None:
                 ahead = ahead._replace(tlc_s=math.nan, side="", state="")
             warned = [] if speed_mps is None else _warning_row(ahead)
-            lane_rows.writerow(_lane_row(index, recorded.time_s, found) + warned)
-            point_rows.writerows(_point_rows(index, found))
+            lane_rows.writerow(_lane_row(recorded, found) + warned)
+            point_rows.writerows(_point_rows(recorded.number, found))
             if film is not None:
                 film.add(_drawn(recorded, found, ahead))
     return directory
 
 
-def summary(directory: Path, frame_count: int) -> list[str]:
-    """Lines on what `detect` has written; frame_count: of the footage, 0 where it is not stated."""
+def summary(directory: Path, footage: Footage) -> list[str]:
+    """Lines on what `detect` has written."""
     lanes = pd.read_csv(directory / "lanes.csv", keep_default_na=False)
     lines = [f"{'frames':21} {len(lanes)}", f"{'lane found':21} {100 * lanes['lane_locked'].mean():.1f} %"]
     if "ldw_state" in lanes:
         warned = lanes["ldw_state"].str.startswith("warning")
         lines.append(f"{'departure warnings':21} {(warned & ~warned.shift(fill_value=False)).sum()}")
-    if len(lanes) < _WHOLE * frame_count:
-        lines.append(f"note: {len(lanes)} of {frame_count} frames could be read: is the file cut short?")
-    return lines
+    return lines + _unreadable(lanes["frame"].to_numpy(), footage)
+
+
+def _unreadable(frame: Array, footage: Footage) -> list[str]:
+    """Notes on frames that are not among the numbers `frame` (N,) of those read."""
+    notes = []
+    inside = np.setdiff1d(np.arange(frame[-1]), frame)
+    if footage.images:
+        inside = np.setdiff1d(np.arange(footage.frame_count), frame)
+    elif frame[-1] + 1 < _WHOLE * footage.frame_count:
+        notes.append(
+            f"note: {len(frame)} of {footage.frame_count} frames could be read: is the file cut short?"
+        )
+    if len(inside):
+        first = footage.images[inside[0]].name if footage.images else f"frame {inside[0]}"
+        more = f" and {len(inside) - 1} more" if len(inside) > 1 else ""
+        notes.insert(0, f"note: {first}{more} could not be read: left out")
+    return notes
 
 
 def _look(
@@ -205,7 +220,7 @@ class _Paper:
         return Found(lane, borders, y, columns if lane.locked[0] else np.full_like(columns, np.nan))
 
 
-def _lane_row(index: int, time_s: float, found: Found) -> list[str]:
+def _lane_row(recorded: Recorded, found: Found) -> list[str]:
     lane, borders = found.lane, found.borders
     locked = bool(lane.locked[0])
     numbers = [
@@ -217,8 +232,8 @@ def _lane_row(index: int, time_s: float, found: Found) -> list[str]:
         lane.lane_width_m[0],
     ]
     return [
-        str(index),
-        f"{time_s:.3f}",
+        str(recorded.number),
+        f"{recorded.time_s:.3f}",
         str(int(locked)),
         f"{lane.score[0]:.4f}",
         *(f"{value:.7g}" if math.isfinite(value) else "" for value in numbers),

@@ -51,7 +51,7 @@ def detect(
     with plain_errors(), told_where(out), told_of_compiling():
         refuse_to_mix(out, "run", "campaign")
         detect_lanes(source, camera, out, overlay=overlay, mode=mode.value, speed_mps=speed)
-        for line in summary(out, open_footage(source).frame_count):
+        for line in summary(out, open_footage(source)):
             typer.echo(line)
         typer.echo(f"Tables: {out}")
 

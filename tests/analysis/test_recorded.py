@@ -156,6 +156,40 @@ def test_a_folder_is_read_in_natural_order(tmp_path):
     assert [int(one.grey[0, 0]) for one in frames(open_footage(tmp_path))] == [1, 2, 10]
 
 
+def test_an_image_of_a_folder_that_cannot_be_read_is_left_out(tmp_path):
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    for number in range(4):
+        cv2.imwrite(str(pictures / f"{number}.png"), draw(seed=number))
+    (pictures / "2.png").write_bytes(b"no image")
+    (pictures / "._3.png").write_bytes(b"a file that macOS leaves")
+    detect(pictures, Camera(), tmp_path / "out", overlay=tmp_path / "seen.avi")
+    rows = table(tmp_path / "out" / "lanes.csv")
+    assert [(row["frame"], row["time_s"]) for row in rows] == [("0", "0.000"), ("1", "0.100"), ("3", "0.300")]
+    assert [row["lane_locked"] for row in rows] == ["1"] * 3
+    assert set(points_of(tmp_path / "out")) == {0, 1, 3}
+    notes = recorded.summary(tmp_path / "out", open_footage(pictures))[2:]
+    assert notes == ["note: 2.png could not be read: left out"]
+
+
+def test_a_damaged_frame_does_not_end_a_video(tmp_path):
+    film = tmp_path / "film.avi"
+    writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (320, 240))
+    for k in range(12):
+        writer.write(cv2.cvtColor(draw(seed=k), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    content = bytearray(film.read_bytes())
+    fifth = [k for k in range(len(content)) if content[k : k + 4] == b"00dc"][5] + 8
+    content[fifth : fifth + 2000] = bytes(2000)
+    film.write_bytes(content)
+    detect(film, Camera(), tmp_path / "out")
+    numbers = [int(row["frame"]) for row in table(tmp_path / "out" / "lanes.csv")]
+    lost = set(range(12)) - set(numbers)
+    assert lost in ({4}, {5})  # a decoder may tell of an error before it returns the frame before it
+    notes = recorded.summary(tmp_path / "out", open_footage(film))[2:]
+    assert notes == [f"note: frame {lost.pop()} could not be read: left out"]
+
+
 def test_rows_are_kept_when_interrupted(tmp_path, monkeypatch):
     for number in range(4):
         cv2.imwrite(str(tmp_path / f"{number}.png"), draw(seed=number))
