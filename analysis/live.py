@@ -1,31 +1,27 @@
 """The last step of a running fleet as a drive of one step, to be drawn like a recorded one."""
 
 import numpy as np
-import pandas as pd
 
 from analysis.drive import Drive
 from plugin.assistance import DriverAssistance
 from plugin.record import Recorder
-from plugin.schema import TABLES
 from plugin.vision import JUDGED_Y
 
 
-def last_step(adas: DriverAssistance, handle: int) -> Drive | None:
+def last_step(adas: DriverAssistance, vehicle_id: str) -> Drive | None:
     """The last step of a vehicle; None if it is not equipped or not on the road."""
-    found = adas.look(handle)
+    found = adas.look(vehicle_id)
     if found is None:
         return None
     seen, step, tracks = found
     memory = Recorder(adas.recorder.run_id)
-    memory.append("tracks", tracks)
-    columns = [column.name for column in TABLES["steps"]]
     return Drive(
-        vehicle_id=str(step["vehicle_id"]),
+        vehicle_id=vehicle_id,
         run_id=adas.recorder.run_id,
         time_s=np.array([step["time_s"]]),
         frames=seen.frame[None],
-        steps=pd.DataFrame([{name: step.get(name) for name in columns}]),
-        tracks=memory.table("tracks"),
+        steps=adas.last_step.query("vehicle_id == @vehicle_id").reset_index(drop=True),
+        tracks=tracks,
         warnings=memory.table("warnings"),
         departures=memory.table("departures"),
         conflicts=memory.table("conflicts"),

@@ -139,7 +139,7 @@ class FleetWindow:
         self._gui.setBoundary(_VIEW, x - 2 * half, y - half, x + 2 * half, y + half)
 
     def _picture(self, handle: int) -> None:
-        drive = last_step(self._adas, handle)
+        drive = last_step(self._adas, self._traffic.vehicle_id(handle))
         if drive is None:
             return
         _, png = cv2.imencode(".png", DrivePictures(drive).of(0), (cv2.IMWRITE_PNG_COMPRESSION, 1))

@@ -50,6 +50,14 @@ class Latest(NamedTuple):
     moments: list[Moment]  # one for each part of the fleet
 
 
+class Seen(NamedTuple):
+    """What a vehicle saw and estimated in the last step."""
+
+    camera: Look  # its frame, borders, predicted path, and the truth around it
+    step: pd.Series  # its row of `last_step`
+    tracks: pd.DataFrame  # its rows of `tracks`, also of tracks that are not recorded
+
+
 class DriverAssistance:
     """Lane-departure and rear-end warning for the equipped vehicles of a running SUMO simulation.
 
@@ -207,19 +215,26 @@ class DriverAssistance:
             for handle in [one for one in self._names if one not in self._traffic.names]:
                 del self._names[handle]
 
-    def look(self, handle: int) -> tuple[Look, dict[str, Any], dict[str, Any]] | None:
-        """What a vehicle saw in the last step, its row of `steps` so far, and its rows of `tracks`.
+    @property
+    def last_step(self) -> pd.DataFrame:
+        """The rows of `steps` of the last step, as far as they are known yet; no row while nobody drives.
 
-        None for one that is not equipped, or not on the road.
+        True times to crossing are empty: they depend on what follows.
         """
+        columns = {} if self.latest is None else self._scorer.now(self.latest.columns)
+        return self.recorder.unwritten("steps", columns)
+
+    def look(self, vehicle_id: str) -> Seen | None:
+        """What a vehicle saw in the last step; None for one that is not equipped, or not on the road."""
         latest = self.latest
-        if latest is None or handle not in latest.handle:
+        if latest is None or vehicle_id not in self.vehicles:
             return None
+        handle = self._traffic.handle(vehicle_id)
         moment = next(one for one in latest.moments if handle in one.handle)
         row = int(np.searchsorted(moment.handle, handle))
-        seen = select(capture.look(self._chain.vision, moment, np.array([row])), 0)
-        known = self._scorer.now(latest.columns, int(np.searchsorted(latest.handle, handle)))
-        return seen, known, self._rear_end.latest_of(handle)
+        camera = select(capture.look(self._chain.vision, moment, np.array([row])), 0)
+        step = self.last_step.iloc[int(np.searchsorted(latest.handle, handle))]
+        return Seen(camera, step, self.recorder.unwritten("tracks", self._rear_end.latest_of(handle)))
 
     def close(self) -> None:
         """Score and write what is left; safe to call twice. The simulation goes on."""

@@ -146,6 +146,12 @@ class Recorder:
         self.flush()
         return read_table(self.directory, name)
 
+    def unwritten(self, name: str, columns: Mapping[str, Any]) -> pd.DataFrame:
+        """Rows of table `name` as `append` would write them; no row without columns."""
+        if not columns:
+            return to_pandas(arrow_schema(self._schema[name]).empty_table())
+        return to_pandas(to_table(self.run_id, self._schema[name], columns))
+
     def close(self) -> None:
         """Finish the files; safe to call twice."""
         with contextlib.ExitStack() as every:  # all are called even if one raises

@@ -76,17 +76,9 @@ class Scorer:
             speed = columns["speed_mps"]
             self.distance_m += float(np.where(np.isnan(speed), 0.0, speed).sum()) * STEP_S
 
-    def now(self, columns: dict[str, Array], row: int) -> dict[str, Any]:
-        """A row of `steps` as far as it is known in the step itself: without true TLC and verdicts."""
-        known: dict[str, Any] = {name: columns[name][row] for name in _STEP_COLUMNS if name in columns}
-        known = {name: np.nan if np.isinf(value) else value for name, value in known.items()}
-        known["true_cause"] = CAUSES[int(columns["cause"][row])]
-        for name, labels in self._labels.items():
-            code = int(known[name])
-            known[name] = labels[code] if code >= 0 else None
-        if known["fcw_track_id"] < 0:
-            known["fcw_track_id"] = None
-        return known | {"vehicle_id": self._names[int(columns["handle"][row])], "true_tlc_s": np.nan}
+    def now(self, columns: dict[str, Array]) -> dict[str, Any]:
+        """Columns of `steps` as far as they are known in the step itself: without true TLC."""
+        return self._step_columns(columns, slice(None), self._names)
 
     def settle(self, now_s: float, final: bool = False) -> None:
         """Write all rows whose future is known by `now_s`; with `final`, all that are left.
@@ -212,7 +204,10 @@ class Scorer:
                 del self._open[handle]
 
     def _write_steps(self, rows: dict[str, Array], new: Array, names: Names) -> None:
-        order = _by_time(rows, new)
+        self._recorder.append("steps", self._step_columns(rows, _by_time(rows, new), names))
+
+    def _step_columns(self, rows: dict[str, Array], order: slice | Array, names: Names) -> dict[str, Any]:
+        """The columns of the table `steps`, with text for codes, of the chosen rows as given to `add`."""
         columns: dict[str, Any] = {name: rows[name][order] for name in _STEP_COLUMNS if name in rows}
         columns["vehicle_id"] = named(rows["handle"][order], names.__getitem__)
         columns["true_cause"] = labelled(rows["cause"][order], CAUSES)
@@ -225,7 +220,7 @@ class Scorer:
         for name in ("fcw_track_id",):
             if name in columns:
                 columns[name] = pa.array(columns[name], mask=columns[name] < 0)
-        self._recorder.append("steps", columns)
+        return columns
 
     def _write_predictions(self, rows: dict[str, Array], follows: Array, new: Array, names: Names) -> None:
         order = _by_time(rows, new)

@@ -171,3 +171,45 @@ def test_a_vehicle_that_arrives_is_no_error_on_the_terminal(
 ) -> None:
     words_of_sumo(arguments)
     assert "rror" not in capfd.readouterr().err
+
+
+def last_steps(arguments: list[str]) -> dict[str, Any]:
+    """What a loop reads after each step, beside what the tables say in the end."""
+    import libsumo
+
+    from plugin import DriverAssistance
+
+    libsumo.start(["sumo", *arguments])
+    parts = []
+    with DriverAssistance.attach(libsumo, equip=1.0, seed=7, threads=1) as adas:
+        before = adas.last_step
+        for _ in range(40):
+            libsumo.simulationStep()
+            adas.step()
+            parts.append(adas.last_step)
+        seen, nobody = adas.look("007"), adas.look("nobody")
+        vehicles = adas.vehicles
+    libsumo.close()
+    tables = dict(adas.tables)
+    return {"before": before, "parts": parts, "seen": seen, "nobody": nobody, "vehicles": vehicles} | tables
+
+
+def test_the_last_step_can_be_read_in_the_loop(arguments: list[str]) -> None:
+    got = in_process(last_steps, arguments)
+    assert list(got["before"].columns) == list(got["steps"].columns)
+    assert len(got["before"]) == 0
+    assert list(got["parts"][-1]["vehicle_id"]) == got["vehicles"]
+    later = ["true_tlc_s"]  # depends on what follows
+    live = pd.concat(got["parts"]).drop(columns=later).sort_values(["time_s", "vehicle_id"])
+    written = got["steps"].drop(columns=later).sort_values(["time_s", "vehicle_id"])
+    pd.testing.assert_frame_equal(live.reset_index(drop=True), written.reset_index(drop=True))
+
+
+def test_what_one_vehicle_sees_is_asked_for_by_its_id(arguments: list[str]) -> None:
+    got = in_process(last_steps, arguments)
+    seen = got["seen"]
+    assert seen.camera.frame.shape == (240, 320)
+    assert seen.step["vehicle_id"] == "007"
+    assert seen.step["time_s"] == pytest.approx(4.0)
+    assert set(seen.tracks["vehicle_id"]) <= {"007"}
+    assert got["nobody"] is None
