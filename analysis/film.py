@@ -34,7 +34,6 @@ _VP9 = _Coding(
 )
 _MJPEG = _Coding("mjpeg", "yuvj420p", {"qscale": "3"})
 _CODINGS = {".mp4": _H264, ".m4v": _H264, ".mov": _H264, ".mkv": _H264, ".webm": _VP9, ".avi": _MJPEG}
-SUFFIXES = tuple(_CODINGS)
 
 
 class Film:

@@ -28,10 +28,3 @@ def measure(
     behind = ScanTruth(np.full((n, most), -1, np.int64), np.full((n, most), -1, np.int8), *floats[of_scan:])
     kernels.measure(objects, seen, numbers(radar), keys, counter, reported, behind)
     return reported, behind
-
-
-def detection_probability(radar: Radar, range_m: Array, visible_m2: Array) -> Array:
-    """Detection probability as in `measure` of a body with a visible area `visible_m2` at `range_m`."""
-    r = numbers(radar)
-    snr = r.snr * r.cross_section * np.asarray(visible_m2) / np.asarray(range_m) ** 4
-    return np.asarray(r.most_likely * np.exp(r.log_false_alarm / (1.0 + snr)))

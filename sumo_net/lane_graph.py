@@ -80,12 +80,6 @@ class LaneGraph:
             if not edge.internal and any(self.lanes[lane].drivable for lane in edge.lanes)
         ]
 
-    def next_lanes(self, lane: str) -> list[tuple[str, str, str]]:
-        """(lane entered, edge reached after the junction, direction) of each connection from a lane."""
-        return [
-            (c.via or c.target, self.lanes[c.target].edge, c.direction) for c in self.onward.get(lane, [])
-        ]
-
 
 def read(file: Path) -> LaneGraph:
     """Read a network. Raises NetworkError: no such file, not XML, XML entities, no lane for cars."""

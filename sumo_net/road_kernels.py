@@ -1,8 +1,7 @@
 """Kernels on the RoadTable: pose, projection, borders, and the road ahead of the fleet.
 
 `table` is a RoadTable, `path` an index into it, `s` a station on the path, `d` metres left of it. Before its
-start and after its end a path goes straight on, except in `ahead`, which ends with the path. Kernels with
-plural names do the same for n vehicles.
+start and after its end a path goes straight on, except in `ahead`, which ends with the path.
 """
 
 import math
@@ -132,17 +131,9 @@ def segment_at(table, path, s):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def edge_station_at(table, path, s):  # type: ignore[no-untyped-def]
-    """Edge-anchored station at s: the same for all paths at one place, so that dashes agree."""
-    g = segment_at(table, path, s)
-    return table.anchor_m[g] + (s - table.segment_start_m[g]) * table.stretch[g]
-
-
-@kernel
-def borders_at(table, path, s):  # type: ignore[no-untyped-def]
-    """(offsets (MAX_BORDERS,), kinds (MAX_BORDERS,), road right, road left) at station s."""
-    g = segment_at(table, path, s)
-    return table.border_offset_m[g], table.border_kind[g], table.road_right_m[g], table.road_left_m[g]
+def edge_station(table, segment, s):  # type: ignore[no-untyped-def]
+    """Edge-anchored station at s, in a segment: the same for all paths at one place, so that dashes agree."""
+    return table.anchor_m[segment] + (s - table.segment_start_m[segment]) * table.stretch[segment]
 
 
 @kernel
@@ -174,35 +165,6 @@ def containing_lane(table, path, s, d):  # type: ignore[no-untyped-def]
         right - OWN_RIGHT,
         on_road and marked,
     )
-
-
-@kernel
-def poses_at(table, path, s):  # type: ignore[no-untyped-def]
-    """(x, y, heading, curvature), each (n,), for path (n,) and s (n,)."""
-    n = len(s)
-    x, y, heading, curvature = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    for k in range(n):
-        x[k], y[k], heading[k], curvature[k] = pose_at(table, path[k], s[k])
-    return x, y, heading, curvature
-
-
-@kernel
-def stations_of(table, path, lane_position):  # type: ignore[no-untyped-def]
-    """station_of for n vehicles, (n,)."""
-    s = np.empty(len(lane_position))
-    for k in range(len(s)):
-        s[k] = station_of(table, path[k], lane_position[k])
-    return s
-
-
-@kernel
-def projections(table, path, x, y, s_guess):  # type: ignore[no-untyped-def]
-    """project for n vehicles: (s (n,), d (n,))."""
-    n = len(x)
-    s, d = np.empty(n), np.empty(n)
-    for k in range(n):
-        s[k], d[k] = project(table, path[k], x[k], y[k], s_guess[k])
-    return s, d
 
 
 @kernel
@@ -256,7 +218,7 @@ def ahead(table, path, s, d, heading_error):  # type: ignore[no-untyped-def]
             before = reach
             while g < last and table.segment_start_m[g + 1] <= at:
                 g += 1
-            station[k, j] = table.anchor_m[g] + (at - table.segment_start_m[g]) * table.stretch[g]
+            station[k, j] = edge_station(table, g, at)
             forward[k, j] = reach
             left[k, j] = cos * (y - y0) - sin * (x - x0)
             heading[k, j] = away

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from camera_synth.camera import WIDTH_PX, Camera, projection
 from plugin.lane.estimate import Borders, LaneEstimate
-from plugin.lane.geometry_kernels import lane_estimate_kernel, parabolas_kernel
+from plugin.lane.geometry_kernels import lane_estimate_kernel
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
@@ -129,30 +129,3 @@ def marking_centres(borders: Borders, camera: Camera, plausibility: Plausibility
     at_bottom, per_row = camera.px_per_m(0.0), camera.px_per_m(0.0) - camera.px_per_m(1.0)
     moved = inset * np.array([0.0, per_row, -at_bottom])
     return Borders(borders.left + moved, borders.right - moved, borders.score)
-
-
-def parabolas_from_road(
-    offset_m: Array,
-    slope: Array,
-    curvature_1pm: Array,
-    curvature_rate_1pm2: Array,
-    farthest_m: Array,
-    camera: Camera,
-) -> Array:
-    """(n, 3) a, b, c of the parabola that best fits the image of a border in the ground plane.
-
-    The border is left = offset + slope·X + curvature·X²/2 + rate·X³/6 from the centre of gravity, up to
-    farthest_m; all (n,). NaN where it is in fewer than three processed rows.
-    """
-    borders = np.empty((len(offset_m), 3))
-    parabolas_kernel(
-        np.ascontiguousarray(offset_m, np.float64),
-        np.ascontiguousarray(slope, np.float64),
-        np.ascontiguousarray(curvature_1pm, np.float64),
-        np.ascontiguousarray(curvature_rate_1pm2, np.float64),
-        projection(camera),
-        np.ascontiguousarray(farthest_m, np.float64),
-        WIDTH_PX,
-        borders,
-    )
-    return borders

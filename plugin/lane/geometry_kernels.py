@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from camera_synth.camera import image_from_vehicle, vehicle_from_image
+from camera_synth.camera import vehicle_from_image
 from sumo_net.compile import kernel
 
 
@@ -120,47 +120,3 @@ def lane_estimate_kernel(left, right, score, camera, preview, columns, n, out): 
 @kernel
 def _share(score, full):  # type: ignore[no-untyped-def]
     return min(1.0, max(0.0, score / full))
-
-
-@kernel
-def parabola_of_road(offset, slope, curvature, rate, camera, farthest, columns, A, border):  # type: ignore[no-untyped-def]
-    """Fit x = a·y² + b·y + c to left = X₀ + e·X + K·X²/2 + K'·X³/6 as the camera sees it; False if unseen.
-
-    Least squares in x over the processed rows where the border is inside the image and not farther than
-    `farthest`. Writes border (3,); A (≥ 3, ≥ 3) is scratch.
-    """
-    A[:3, :3] = 0.0
-    border[:] = 0.0
-    row = np.empty(3)
-    seen = 0
-    for i in range(50):
-        ahead, _ = vehicle_from_image(camera.center_x, 1.0 + 3.0 * i, camera)
-        if not 0.0 < ahead <= farthest:
-            continue
-        aside = offset + (slope + (curvature / 2.0 + rate / 6.0 * ahead) * ahead) * ahead
-        x, y, depth = image_from_vehicle(ahead, aside, 0.0, camera)
-        if not (depth > 0.0 and 0.0 <= x <= columns - 1.0):
-            continue
-        height = y / 100.0  # scaled: y⁴ beside 1 is ill-conditioned
-        row[0], row[1], row[2] = height * height, height, 1.0
-        for j in range(3):
-            border[j] += row[j] * x
-            for k in range(j + 1):
-                A[j, k] += row[j] * row[k]
-        seen += 1
-    if seen < 3 or not solve(A, border, 3):
-        border[:] = math.nan
-        return False
-    border[0] /= 1e4
-    border[1] /= 1e2
-    return True
-
-
-@kernel
-def parabolas_kernel(offset, slope, curvature, rate, camera, farthest, columns, borders):  # type: ignore[no-untyped-def]
-    """borders[v] (3,) of every vehicle's ground-plane border; NaN where it is not seen."""
-    A = np.empty((3, 3))
-    for v in range(offset.shape[0]):
-        parabola_of_road(
-            offset[v], slope[v], curvature[v], rate[v], camera, farthest[v], columns, A, borders[v]
-        )

@@ -1,4 +1,9 @@
-"""Scalar kernels of the front-wheel angle from the camera (Zhang et al. 2011, eqs. 10 and 13)."""
+"""Scalar kernels of the front-wheel angle from the camera alone (Zhang et al. 2011, section 2).
+
+The road's heading relative to the vehicle at the preview point changes by ė_L = v K_L − γ. With the road's
+curvature subtracted, it gives the yaw rate and, by geometry, the steer of a car without slip (eq. 10); f
+corrects it to the steer that the car with slip needs for the same radius (eq. 13).
+"""
 
 from sumo_net.compile import kernel
 

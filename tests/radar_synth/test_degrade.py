@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from radar_synth.degrade import detection_probability
 from radar_synth.radar import Beam, OwnMotion, Radar, Scan, ScanTruth
 from radar_synth.scan import flatten, scan
 from sumo_net.batch import select
@@ -59,26 +58,18 @@ def test_noise_has_the_set_deviations_and_no_bias() -> None:
     assert abs(pairs[0, 1]) < 4 / math.sqrt(n)
 
 
-def test_misses_follow_the_published_probability() -> None:
-    n = 20_000
-    for forward, snr_db in ((100.0, 35.0), (190.0, 35.0), (190.0, 20.0)):
-        radar = Radar(clutter_rate=0.0, snr_db=snr_db)
-        z, truth = scans(radar, [CAR | {"forward_m": forward}], n)
-        r = np.nanmean(truth.range_m[:, 0])
-        width = 2 * r * math.atan(0.9 / r)
-        expected = float(detection_probability(radar, r, width * 1.5))
-        snr = 10 ** (snr_db / 10) * (3.7 * width * 1.5 / 10.0) * (100.0 / r) ** 4
-        assert expected == pytest.approx(0.98 * 1e-6 ** (1 / (1 + snr)))
-        assert z.detections.mean() == pytest.approx(expected, abs=4 * math.sqrt(0.25 / n))
-
-
-def test_probability_falls_with_range_and_with_what_is_hidden() -> None:
-    r = np.linspace(5.0, 250.0, 100)
-    p = detection_probability(Radar(), r, 2.7)
-    assert (np.diff(p) <= 0).all()
-    assert p[0] > 0.97
-    assert 0.5 < detection_probability(Radar(), 200.0, 2.7) < 0.95
-    assert detection_probability(Radar(), 150.0, 0.12) < detection_probability(Radar(), 150.0, 2.7)
+@pytest.mark.parametrize(
+    ("forward_m", "height_m", "snr_db"),
+    [(100.0, 1.5, 35.0), (190.0, 1.5, 35.0), (190.0, 1.5, 20.0), (150.0, 0.2, 35.0)],
+)
+def test_misses_follow_the_published_probability(forward_m: float, height_m: float, snr_db: float) -> None:
+    n, radar = 20_000, Radar(clutter_rate=0.0, snr_db=snr_db)
+    z, truth = scans(radar, [CAR | {"forward_m": forward_m, "height_m": height_m}], n)
+    r = np.nanmean(truth.range_m[:, 0])
+    area = height_m * 2 * r * math.atan(0.9 / r)
+    snr = 10 ** (snr_db / 10) * (3.7 * area / 10.0) * (100.0 / r) ** 4
+    expected = 0.98 * 1e-6 ** (1 / (1 + snr))
+    assert z.detections.mean() == pytest.approx(expected, abs=4 * math.sqrt(0.25 / n))
 
 
 def test_clutter_is_a_poisson_number_spread_over_the_field_of_view() -> None:

@@ -17,6 +17,7 @@ from sumo_net.ego import Ego, EgoTruth
 from sumo_net.ego_kernels import forward_speed, lateral_rates, rates, runge_kutta, sine_cosine
 from sumo_net.highway import Highway
 from sumo_net.road import RoadNetwork
+from sumo_net.road_kernels import project
 from sumo_net.scenario import prepare
 from sumo_net.traffic import Snapshot, Traffic
 from sumo_net.vehicle import Vehicle, derivatives, model, steady_state
@@ -237,15 +238,14 @@ def test_lane_change_as_the_truth_tells_it(built) -> None:
 
 
 def test_front_lateral_is_the_bumper_s_place(built) -> None:
-    from sumo_net.road_kernels import projections
-
     traffic = MadeUpTraffic(built, 6, 25.0, edge=3)
     roads = RoadNetwork.from_highway(built)
     ego = Ego(roads, traffic, 3)
     truth = drive(ego, traffic, 60)[-1]
     x = truth.x_m + CAR.bumper_m * np.cos(truth.heading_rad)
     y = truth.y_m + CAR.bumper_m * np.sin(truth.heading_rad)
-    _, expected = projections(roads.table, truth.path, x, y, truth.station_m + CAR.bumper_m)
+    points = zip(truth.path, x, y, truth.station_m + CAR.bumper_m, strict=True)
+    expected = np.array([project(roads.table, *point)[1] for point in points])
     assert ego.front_lateral_m() == pytest.approx(expected, abs=2e-3)
     assert np.abs(truth.curvature_1pm).max() > 1e-3
 

@@ -38,11 +38,12 @@ def own_stations(roads, path, step_m):
 
 
 def poses(roads, path, s):
-    return rk.poses_at(roads.table, np.full(len(s), path), s)
+    return np.array([rk.pose_at(roads.table, path, at) for at in s]).T
 
 
 def onto(roads, path, x, y, guess):
-    return rk.projections(roads.table, np.full(len(x), path), x, y, guess)
+    points = zip(x, y, guess, strict=True)
+    return np.array([rk.project(roads.table, path, *point) for point in points]).T
 
 
 # --- the exact highway
@@ -320,8 +321,10 @@ def test_dashes_have_one_phase_for_all_lanes(exact):
     border_x, border_y = x - 1.875 * np.sin(heading), y + 1.875 * np.cos(heading)
     other, d = onto(exact, b, border_x, border_y, s)
     np.testing.assert_allclose(d, -1.875, atol=1e-6)
-    phase = [rk.edge_station_at(exact.table, a, at) for at in s]
-    phase_b = [rk.edge_station_at(exact.table, b, at) for at in other]
+    phase, phase_b = (
+        [rk.edge_station(exact.table, rk.segment_at(exact.table, path, at), at) for at in along]
+        for path, along in ((a, s), (b, other))
+    )
     np.testing.assert_allclose(phase, phase_b, atol=0.05)
 
 
