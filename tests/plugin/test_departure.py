@@ -117,11 +117,34 @@ def test_one_warning_an_approach_and_armed_again_after_return():
     wobble = 0.95 + 0.07 * np.sin(np.arange(100) * 0.5)  # TLC swings about the threshold near the border
     drift = np.r_[0.0, np.diff(wobble)] / 0.1
     assert np.count_nonzero(play(wobble, drift, settings=DepartureSettings(rearm_s=1e3)).started) == 1
-    assert np.all(np.diff(np.flatnonzero(play(wobble, drift).started)) >= 30)
+    begun = np.flatnonzero(play(wobble, drift).started)
+    assert len(begun) > 1
+    assert np.all(np.diff(begun) >= 30)
     there = np.r_[np.linspace(0, 1.05, 22), np.linspace(1.05, 0, 22)[1:]]
     twice = np.r_[there, np.zeros(10), there]
     got = play(twice, np.r_[0.0, np.diff(twice)] / 0.1)
     assert np.count_nonzero(got.started) == 2
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_side_is_not_armed_again_while_its_crossing_is_near(side):
+    # 0.33 m inside, further than rearm_gap_m, but about to cross: after the longest warning none follows
+    got = play(np.full(90, side * 0.8), np.full(90, side * 0.35))
+    assert (got.started[:, 0] != 0).sum() == 1
+    assert (got.side[:, 0] != 0).sum() == 40
+
+
+def test_a_warning_lasts_until_the_wheel_is_back_and_ends_beyond_the_latest_line():
+    out, back = drift_out(0.5, 24)[0], np.linspace(1.2, 0.6, 25)
+    offset = np.r_[out, back]
+    drift = np.r_[np.full(24, 0.5), np.full(25, -0.25)]
+    active, over = play(offset, drift).side[:, 0] != 0, offset >= INSIDE_M
+    assert active[over].all()
+    assert not active[np.flatnonzero(over)[-1] + 1 :].any()
+    offset = np.r_[drift_out(0.5, 31)[0], np.full(20, 1.55)]
+    active = play(offset, np.r_[np.full(31, 0.5), np.full(20, 0.1)]).side[:, 0] != 0
+    assert not active[offset > INSIDE_M + 0.3].any()
+    assert active[(offset > INSIDE_M) & (offset < INSIDE_M + 0.3)].all()
 
 
 def test_inactive_below_its_speed_with_hysteresis():
