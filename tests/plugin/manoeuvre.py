@@ -4,8 +4,29 @@ import numpy as np
 
 from analysis.published.manoeuvre import PREVIEW_M, Drive, drive, lane_change_steer, looks
 from plugin.lane.estimate import LaneEstimate
+from plugin.motion import observer
+from plugin.motion.estimate import MotionEstimate, OwnReadings
+from plugin.motion.observer import Schedule, State
 
-__all__ = ["PREVIEW_M", "Drive", "drive", "lane_change_steer", "looks", "unseen"]
+__all__ = ["PREVIEW_M", "Drive", "column", "drive", "lane_change_steer", "looks", "observed", "unseen"]
+
+
+def observed(
+    schedule: Schedule, truth: Drive, seen: list[LaneEstimate], own: list[OwnReadings] | None = None
+) -> tuple[State, list[MotionEstimate]]:
+    """The observer's last state and its estimates, step by step, of the looks `seen` on one drive."""
+    n = len(seen[0].score)
+    state, rows = observer.init(n, schedule), []
+    for k, look in enumerate(seen):
+        speed = np.full(n, truth.speed_mps[k])
+        state, motion = observer.step(state, schedule, look, speed, None if own is None else own[k])
+        rows.append(motion)
+    return state, rows
+
+
+def column(rows: list[MotionEstimate], name: str) -> np.ndarray:
+    """One field of estimates, (steps, n)."""
+    return np.array([getattr(row, name) for row in rows])
 
 
 def unseen(look: LaneEstimate) -> LaneEstimate:

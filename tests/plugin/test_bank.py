@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from manoeuvre import drive, looks, unseen
+from manoeuvre import column, drive, looks, observed, unseen
 
 from analysis.published import simulation
 from plugin.motion import bank
@@ -22,18 +22,6 @@ PRINTED = {
 @pytest.fixture(scope="module")
 def schedule():
     return bank.schedule(HALF, PREVIEW_M, BankSettings())
-
-
-def run(schedule, truth, seen):
-    state, rows = bank.init(len(seen[0].score)), []
-    for k, look in enumerate(seen):
-        state, motion = bank.step(state, schedule, look, np.full(len(look.score), truth.speed_mps[k]))
-        rows.append(motion)
-    return state, rows
-
-
-def column(rows, name):
-    return np.array([getattr(row, name) for row in rows])
 
 
 def test_one_observer_each_10_kmh(schedule):
@@ -84,7 +72,7 @@ def test_checked_steady_states_of_two_observers(schedule, kmh, lateral_speed, ya
 
 def test_at_88_kmh_the_observers_weigh_02_and_08(schedule):
     truth = drive(HALF, lambda *_: 0.01, lambda t: 88 / 3.6, lambda s: 0.001, duration_s=2.0)
-    state, rows = run(schedule, truth, looks(truth))
+    state, rows = observed(schedule, truth, looks(truth))
     assert state.below[0] == 8
     blend = 0.2 * state.lower[0] + 0.8 * state.upper[0]
     assert [rows[-1].lateral_speed_mps[0], rows[-1].yaw_rate_rps[0]] == pytest.approx(blend[:2])
@@ -93,7 +81,7 @@ def test_at_88_kmh_the_observers_weigh_02_and_08(schedule):
 @pytest.mark.parametrize("run_", simulation.RUNS, ids=lambda run_: run_.title)
 def test_published_runs(run_):
     truth, seen = simulation.truth_of(run_)
-    _, rows = run(bank.schedule(run_.vehicle, PREVIEW_M, BankSettings()), truth, seen)
+    _, rows = observed(bank.schedule(run_.vehicle, PREVIEW_M, BankSettings()), truth, seen)
     late = truth.time_s >= 2.0
     yaw = column(rows, "yaw_rate_rps")[late, 0] / truth.yaw_rate_rps[late]
     lateral = column(rows, "lateral_speed_mps")[late, 0] / truth.lateral_speed_mps[late]
@@ -105,14 +93,14 @@ def test_full_load_seen_by_the_half_load_bank_keeps_the_yaw_rate_only():
     # The steer comes from the image, so f cancels in the yaw rate; v_y depends only on the model's mass.
     # Z11 claims a static error under 10 % here; the corrected equations give 21 %.
     truth, seen = simulation.truth_of(simulation.RUNS[2])
-    _, rows = run(bank.schedule(HALF, PREVIEW_M, BankSettings()), truth, seen)
+    _, rows = observed(bank.schedule(HALF, PREVIEW_M, BankSettings()), truth, seen)
     assert rows[-1].yaw_rate_rps[0] == pytest.approx(truth.yaw_rate_rps[-1], rel=0.02)
     assert rows[-1].lateral_speed_mps[0] / truth.lateral_speed_mps[-1] == pytest.approx(0.79, abs=0.02)
 
 
 def test_passing_a_multiple_of_10_kmh_makes_no_jump(schedule):
     truth = drive(HALF, lambda *_: 0.005, lambda t: 79 / 3.6 + 0.4 * t, lambda s: 0.0, duration_s=4.0)
-    _, rows = run(schedule, truth, looks(truth))
+    _, rows = observed(schedule, truth, looks(truth))
     steps = np.abs(np.diff(column(rows, "yaw_rate_rps")[20:, 0]))
     assert steps.max() < 2e-3
 
@@ -121,7 +109,7 @@ def test_coasts_a_second_then_knows_nothing_then_starts_again(schedule):
     truth = drive(HALF, lambda *_: 0.001, lambda t: 25.0, duration_s=5.0)
     seen = looks(truth)
     seen[20:35] = [unseen(look) for look in seen[20:35]]
-    _, rows = run(schedule, truth, seen)
+    _, rows = observed(schedule, truth, seen)
     known = np.isfinite(column(rows, "yaw_rate_rps")[:, 0])
     assert known[:30].all()
     assert not known[30:35].any()
@@ -131,7 +119,7 @@ def test_coasts_a_second_then_knows_nothing_then_starts_again(schedule):
 def test_change_of_lane_leaves_the_motion_untouched(schedule):
     truth = drive(HALF, lambda *_: 0.0005, lambda t: 25.0, duration_s=3.0, start=(0, 0, 0, 1.6, 0.01))
     seen = looks(truth)
-    _, plain = run(schedule, truth, seen)
+    _, plain = observed(schedule, truth, seen)
     moved = [
         look._replace(
             preview_offset_m=look.preview_offset_m + 3.75,
@@ -141,7 +129,7 @@ def test_change_of_lane_leaves_the_motion_untouched(schedule):
         else look
         for k, look in enumerate(seen)
     ]
-    _, rows = run(schedule, truth, moved)
+    _, rows = observed(schedule, truth, moved)
     for name in ("lateral_speed_mps", "yaw_rate_rps"):
         assert column(rows, name) == pytest.approx(column(plain, name), abs=1e-9)
     offset = column(rows, "lateral_offset_m")[:, 0] - column(plain, "lateral_offset_m")[:, 0]
@@ -162,11 +150,11 @@ def test_slow_and_standing(schedule, v):
 def test_order_and_slices_change_nothing(schedule):
     truth = drive(HALF, lambda t, *_: 0.004 * np.sin(t), lambda t: 24.0 + 0.3 * t, duration_s=2.0)
     seen = looks(truth, np.random.default_rng(3), 6, 0.02, 1e-3, 1e-4)
-    _, whole = run(schedule, truth, seen)
+    _, whole = observed(schedule, truth, seen)
     order = np.array([4, 2, 0, 5, 1, 3])
-    _, mixed = run(schedule, truth, [select(look, order) for look in seen])
+    _, mixed = observed(schedule, truth, [select(look, order) for look in seen])
     halves = [
-        run(schedule, truth, [select(look, part) for look in seen])[1][-1]
+        observed(schedule, truth, [select(look, part) for look in seen])[1][-1]
         for part in (slice(0, 2), slice(2, 6))
     ]
     joined = join(*halves)

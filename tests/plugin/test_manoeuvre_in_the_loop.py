@@ -5,7 +5,7 @@ The truth is the single-track model under a defined steer, integrated by an inde
 
 import numpy as np
 import pytest
-from manoeuvre import drive, lane_change_steer
+from manoeuvre import column, drive, lane_change_steer
 
 from camera_synth.camera import PROCESSED_FROM, Camera, projection
 from camera_synth.condition import looks, preset
@@ -68,10 +68,6 @@ def observed(truth, condition):
         lanes.append(look)
         motions.append(motion)
     return lanes, motions
-
-
-def column(rows, name):
-    return np.array([getattr(row, name) for row in rows])
 
 
 def of_the_peak(estimate, truth, during):

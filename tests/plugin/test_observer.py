@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from manoeuvre import PREVIEW_M, drive, lane_change_steer, looks, unseen
+from manoeuvre import PREVIEW_M, column, drive, lane_change_steer, looks, observed, unseen
 from scipy.linalg import expm
 
 from plugin.motion import observer
@@ -36,21 +36,6 @@ def change():
     return drive(HALF, lane_change_steer(HALF, 25.0), lambda t: 25.0, duration_s=9.0)
 
 
-def run(schedule, truth, seen, sensed=False):
-    n = len(seen[0].score)
-    state, rows, own = observer.init(n, schedule), [], None
-    for k, look in enumerate(seen):
-        if sensed:
-            own = OwnReadings(np.full(n, truth.yaw_rate_rps[k]), np.full(n, truth.steer_rad[k]))
-        state, motion = observer.step(state, schedule, look, np.full(n, truth.speed_mps[k]), own)
-        rows.append(motion)
-    return state, rows
-
-
-def column(rows, name):
-    return np.array([getattr(row, name) for row in rows])
-
-
 def relative_rmse(estimate, truth, during):
     error = estimate[during] - truth[during, None]
     return float(np.sqrt(np.nanmean(error**2)) / np.abs(truth).max())
@@ -58,7 +43,7 @@ def relative_rmse(estimate, truth, during):
 
 def test_lane_change_at_90_kmh_within_a_tenth_of_the_peak(schedule, change):
     assert change.offset_m[-1] == pytest.approx(3.75, abs=0.02)
-    _, rows = run(schedule, change, looks(change, np.random.default_rng(1), 200, **CAMERA))
+    _, rows = observed(schedule, change, looks(change, np.random.default_rng(1), 200, **CAMERA))
     during = slice(20, 75)
     assert relative_rmse(column(rows, "yaw_rate_rps"), change.yaw_rate_rps, during) < 0.10
     assert relative_rmse(column(rows, "lateral_speed_mps"), change.lateral_speed_mps, during) < 0.10
@@ -66,7 +51,7 @@ def test_lane_change_at_90_kmh_within_a_tenth_of_the_peak(schedule, change):
 
 def test_twice_the_noise_costs_less_than_twice(schedule, change):
     noise = {name: 2.0 * value for name, value in CAMERA.items()}
-    _, rows = run(schedule, change, looks(change, np.random.default_rng(1), 200, **noise))
+    _, rows = observed(schedule, change, looks(change, np.random.default_rng(1), 200, **noise))
     during = slice(20, 75)
     assert np.isnan(column(rows, "yaw_rate_rps")[during]).mean() < 0.02  # some were started anew
     assert relative_rmse(column(rows, "yaw_rate_rps"), change.yaw_rate_rps, during) < 0.20
@@ -74,7 +59,7 @@ def test_twice_the_noise_costs_less_than_twice(schedule, change):
 
 
 def test_filters_the_offset_below_the_cameras_noise(schedule, change):
-    _, rows = run(schedule, change, looks(change, np.random.default_rng(2), 200, **CAMERA))
+    _, rows = observed(schedule, change, looks(change, np.random.default_rng(2), 200, **CAMERA))
     offset = column(rows, "lateral_offset_m")[20:] - change.offset_m[20:, None]
     assert offset.std() < 0.7 * CAMERA["offset_m"]
 
@@ -100,7 +85,7 @@ def tracked(truth, seen, lasting_rad, per_slip, rng):
 def test_tells_the_trackers_lasting_errors_from_the_motion(change):
     rng = np.random.default_rng(3)
     seen = tracked(change, looks(change, rng, 200, **CAMERA), 4e-4, 0.0055, rng)
-    _, rows = run(observer.schedule(HALF, PREVIEW_M, ObserverSettings()), change, seen)
+    _, rows = observed(observer.schedule(HALF, PREVIEW_M, ObserverSettings()), change, seen)
     during = slice(20, 75)
     assert relative_rmse(column(rows, "yaw_rate_rps"), change.yaw_rate_rps, during) < 0.10
     assert relative_rmse(column(rows, "lateral_speed_mps"), change.lateral_speed_mps, during) < 0.03
@@ -112,9 +97,9 @@ def test_tells_the_trackers_lasting_errors_from_the_motion(change):
 
 def test_contradicted_looks_are_told(schedule, change):
     seen = looks(change, None, 2)
-    assert run(schedule, change, seen[:15])[1][-1].settled_s == pytest.approx(1.4)
+    assert observed(schedule, change, seen[:15])[1][-1].settled_s == pytest.approx(1.4)
     seen[12] = seen[12]._replace(lateral_offset_m=seen[12].lateral_offset_m + np.array([0.3, 0.0]))
-    assert run(schedule, change, seen[:13])[1][-1].settled_s == pytest.approx([0.0, 1.2])
+    assert observed(schedule, change, seen[:13])[1][-1].settled_s == pytest.approx([0.0, 1.2])
 
 
 @pytest.mark.parametrize(("slip_error", "off"), [(0.03, 0.18), (0.10, 0.10)])
@@ -126,7 +111,7 @@ def test_camera_corrects_the_slip_of_a_full_load(slip_error, off):
     slip, yaw = steady_state(vehicle, v, steer)
     truth = drive(vehicle, lambda *_: steer, lambda t: v, lambda s: k, 8.0, (slip, yaw, 0.0, 0.2, -slip / v))
     free = ObserverSettings(filter=FilterSettings(heading_per_slip=0.0, slip_error=slip_error))
-    _, rows = run(observer.schedule(HALF, PREVIEW_M, free), truth, looks(truth))
+    _, rows = observed(observer.schedule(HALF, PREVIEW_M, free), truth, looks(truth))
     late = truth.time_s >= 2.0
     assert column(rows, "yaw_rate_rps")[late, 0] == pytest.approx(yaw, rel=0.02)
     assert column(rows, "lateral_speed_mps")[late, 0] == pytest.approx(slip, rel=off)
@@ -140,7 +125,7 @@ def test_steady_turn_without_noise(mass_kg, kmh):
     slip, yaw = steady_state(vehicle, v, steer)
     start = (slip, yaw, 0.0, 0.2, -slip / v)
     truth = drive(vehicle, lambda *_: steer, lambda t: v, lambda s: 0.002, duration_s=4.0, start=start)
-    _, rows = run(observer.schedule(vehicle, PREVIEW_M, NO_SLIP_ERROR), truth, looks(truth))
+    _, rows = observed(observer.schedule(vehicle, PREVIEW_M, NO_SLIP_ERROR), truth, looks(truth))
     assert rows[-1].yaw_rate_rps == pytest.approx(yaw, rel=5e-3)
     assert rows[-1].lateral_speed_mps == pytest.approx(slip, rel=0.02, abs=2e-3)
     assert rows[-1].steer_rad == pytest.approx(steer, rel=0.01)
@@ -153,7 +138,7 @@ def test_published_run_half_load_accelerating(schedule):
     truth = drive(
         HALF, lambda *_: steer, lambda t: 60 / 3.6 + 0.2 * t, lambda s: 0.001, 12.0, (0, 0.0167, 0, 0, 0)
     )
-    _, rows = run(schedule, truth, looks(truth))
+    _, rows = observed(schedule, truth, looks(truth))
     late = truth.time_s >= 2.0
     assert column(rows, "yaw_rate_rps")[late, 0] == pytest.approx(truth.yaw_rate_rps[late], rel=0.02)
     slip = truth.lateral_speed_mps[late]
@@ -177,7 +162,7 @@ def test_entering_a_curve_is_followed(schedule):
         return float(np.clip((s - 100.0) / 100.0, 0.0, 1.0) / 500.0)
 
     truth = follow(curvature, v, duration_s=14.0)
-    _, rows = run(schedule, truth, looks(truth, np.random.default_rng(5), 100, **CAMERA))
+    _, rows = observed(schedule, truth, looks(truth, np.random.default_rng(5), 100, **CAMERA))
     peak = np.abs(truth.yaw_rate_rps).max()
     error = column(rows, "yaw_rate_rps")[20:] - truth.yaw_rate_rps[20:, None]
     assert np.sqrt(np.mean(error**2)) < 0.10 * peak
@@ -198,7 +183,11 @@ def test_where_a_bend_begins_or_ends_curvature_and_heading_stay_true(schedule, s
         look._replace(preview_heading_rad=np.full(1, direction))
         for look, direction in zip(looks(truth), directions, strict=True)
     ]
-    _, rows = run(schedule, truth, seen, sensed)
+    own = [
+        OwnReadings(*(np.full(1, part[k]) for part in (truth.yaw_rate_rps, truth.steer_rad)))
+        for k in range(len(seen))
+    ]
+    _, rows = observed(schedule, truth, seen, own if sensed else None)
     heading = column(rows, "heading_error_rad")[20:, 0] - truth.heading_rad[20:]
     bend = column(rows, "curvature_1pm")[20:, 0] - truth.curvature_1pm[20:]
     assert np.sqrt(np.mean(heading**2)) < 5e-4
@@ -242,7 +231,7 @@ def test_table_between_two_speeds_is_near_the_exact_discretisation():
 def test_coasts_a_second_then_knows_nothing_then_settles_again(schedule, change):
     seen = looks(change, np.random.default_rng(1), 20, **CAMERA)
     seen[30:45] = [unseen(look) for look in seen[30:45]]
-    _, rows = run(schedule, change, seen)
+    _, rows = observed(schedule, change, seen)
     known = np.isfinite(column(rows, "yaw_rate_rps")).all(axis=1)
     assert known[3:40].all()
     assert not known[40:48].any()
@@ -257,7 +246,7 @@ def test_a_look_without_either_border_counts_as_none(schedule, change):
         look._replace(left_border_seen=np.array([False, True]), right_border_seen=np.zeros(2, bool))
         for look in seen
     ]
-    _, rows = run(schedule, change, carried)
+    _, rows = observed(schedule, change, carried)
     assert np.isnan(rows[20].yaw_rate_rps[0])
     assert np.isfinite(rows[20].yaw_rate_rps[1])
 
@@ -265,7 +254,7 @@ def test_a_look_without_either_border_counts_as_none(schedule, change):
 @pytest.mark.parametrize("told", [True, False])
 def test_change_of_lane_leaves_the_motion_untouched(schedule, change, told):
     seen = looks(change, np.random.default_rng(1), 10, **CAMERA)
-    _, plain = run(schedule, change, seen)
+    _, plain = observed(schedule, change, seen)
     at = int(np.argmax(change.offset_m > 1.875))
     moved = [
         look._replace(
@@ -276,7 +265,7 @@ def test_change_of_lane_leaves_the_motion_untouched(schedule, change, told):
         else look
         for k, look in enumerate(seen)
     ]
-    _, rows = run(schedule, change, moved)
+    _, rows = observed(schedule, change, moved)
     for name in ("lateral_speed_mps", "yaw_rate_rps", "heading_error_rad"):
         np.testing.assert_allclose(column(rows, name), column(plain, name), atol=1e-9)
     offset = column(rows, "lateral_offset_m") - column(plain, "lateral_offset_m")
@@ -292,8 +281,8 @@ def test_one_wrong_look_hardly_moves_the_motion(schedule, change):
         heading_error_rad=seen[40].heading_error_rad + 0.05,
         curvature_1pm=seen[40].curvature_1pm + 0.01,
     )
-    _, plain = run(schedule, change, seen)
-    _, rows = run(schedule, change, wild)
+    _, plain = observed(schedule, change, seen)
+    _, rows = observed(schedule, change, wild)
     assert np.abs(rows[40].yaw_rate_rps - plain[40].yaw_rate_rps).max() < 0.02
     assert np.abs(rows[40].lateral_offset_m - plain[40].lateral_offset_m).max() < 0.06
 
@@ -302,7 +291,7 @@ def test_a_lasting_jump_starts_the_filter_anew(schedule):
     truth = drive(HALF, lambda *_: 0.0, lambda t: 25.0, duration_s=4.0)
     seen = looks(truth)
     seen[10:] = [look._replace(lateral_offset_m=look.lateral_offset_m + 1.2) for look in seen[10:]]
-    _, rows = run(schedule, truth, seen)
+    _, rows = observed(schedule, truth, seen)
     assert rows[-1].lateral_offset_m[0] == pytest.approx(1.2, abs=0.02)
     assert abs(rows[-1].lateral_speed_mps[0]) < 0.02
 
@@ -340,19 +329,19 @@ def test_mirrored_road_gives_the_mirrored_motion(schedule, change):
     signed = [name for name in look_fields if name.startswith(("lateral", "heading", "curv", "prev"))]
     signed.append("lane_shift")
     mirrored = [look._replace(**{name: -getattr(look, name) for name in signed}) for look in seen]
-    _, rows = run(schedule, change, seen)
-    _, other = run(schedule, change, mirrored)
+    _, rows = observed(schedule, change, seen)
+    _, other = observed(schedule, change, mirrored)
     for name in SIGNED:
         np.testing.assert_array_equal(column(rows, name), -column(other, name))
 
 
 def test_order_and_slices_change_nothing(schedule, change):
     seen = looks(change, np.random.default_rng(3), 6, **CAMERA)
-    state, whole = run(schedule, change, seen)
+    state, whole = observed(schedule, change, seen)
     order = np.array([4, 2, 0, 5, 1, 3])
-    _, mixed = run(schedule, change, [select(look, order) for look in seen])
-    first, _ = run(schedule, change, [select(look, slice(0, 2)) for look in seen])
-    last, _ = run(schedule, change, [select(look, slice(2, 6)) for look in seen])
+    _, mixed = observed(schedule, change, [select(look, order) for look in seen])
+    first, _ = observed(schedule, change, [select(look, slice(0, 2)) for look in seen])
+    last, _ = observed(schedule, change, [select(look, slice(2, 6)) for look in seen])
     for name in whole[-1]._fields:
         np.testing.assert_array_equal(getattr(whole[-1], name)[order], getattr(mixed[-1], name))
     for part, joined in zip(state, join(first, last), strict=True):
@@ -396,7 +385,7 @@ def test_an_abrupt_recovery_is_followed_without_a_break():
     assert truth.yaw_rate_rps.max() > 0.14
     table = observer.schedule(HALF, PREVIEW_M, ObserverSettings())
     noise = CAMERA | {"offset_m": 0.01, "heading_rad": 1.5e-3}  # a lane that slides fast through the image
-    _, rows = run(table, truth, looks(truth, np.random.default_rng(0), 50, **noise))
+    _, rows = observed(table, truth, looks(truth, np.random.default_rng(0), 50, **noise))
     yaw_rate, settled = column(rows, "yaw_rate_rps")[10:], column(rows, "settled_s")[10:]
     assert np.isnan(yaw_rate).mean() < 0.01
     assert (settled < 0.5).mean() < 0.05

@@ -5,7 +5,7 @@ import pytest
 from filterpy.kalman import KalmanFilter
 from hypothesis import given
 from hypothesis import strategies as st
-from manoeuvre import PREVIEW_M, drive, lane_change_steer, looks, unseen
+from manoeuvre import PREVIEW_M, column, drive, lane_change_steer, looks, observed, unseen
 
 from ego_synth.sensors import EgoSensors
 from plugin.configuration import configuration_from
@@ -49,21 +49,6 @@ def readings(truth, copies, rng=None, yaw_rate_offset=0.0, steer_offset=0.0):
     ]
 
 
-def run(schedule, truth, seen, own):
-    n = len(seen[0].score)
-    state, rows = observer.init(n, schedule), []
-    for k, look in enumerate(seen):
-        state, motion = observer.step(
-            state, schedule, look, np.full(n, truth.speed_mps[k]), None if own is None else own[k]
-        )
-        rows.append(motion)
-    return state, rows
-
-
-def column(rows, name):
-    return np.array([getattr(row, name) for row in rows])
-
-
 @given(
     seed=st.integers(0, 2**32 - 1),
     speed=st.floats(8.0, 70.0),
@@ -94,7 +79,7 @@ def test_without_readings_it_is_the_camera_alone_to_the_bit(schedule, change):
     seen = looks(change, np.random.default_rng(1), 5, **CAMERA)
     nothing = [OwnReadings(np.full(5, np.nan), np.full(5, np.nan))] * len(seen)
     for one, other in zip(
-        run(schedule, change, seen, None)[1], run(schedule, change, seen, nothing)[1], strict=True
+        observed(schedule, change, seen, None)[1], observed(schedule, change, seen, nothing)[1], strict=True
     ):
         for name in MotionEstimate._fields:
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
@@ -103,8 +88,8 @@ def test_without_readings_it_is_the_camera_alone_to_the_bit(schedule, change):
 def test_a_lane_change_is_followed_much_closer_than_by_the_camera_alone(schedule, change):
     rng = np.random.default_rng(2)
     seen, own = looks(change, rng, 100, **CAMERA), readings(change, 100, rng, 2e-3, 1e-3)
-    _, alone = run(schedule, change, seen, None)
-    _, fused = run(schedule, change, seen, own)
+    _, alone = observed(schedule, change, seen, None)
+    _, fused = observed(schedule, change, seen, own)
     for name, part in (("yaw_rate_rps", 0.03), ("lateral_speed_mps", 0.03), ("steer_rad", 0.08)):
         truth = getattr(change, name)
         errors = [column(rows, name)[20:75] - truth[20:75, None] for rows in (alone, fused)]
@@ -123,7 +108,7 @@ def test_the_sensors_offsets_are_found(schedule):
     truth = drive(HALF, steer, lambda t: 25.0, curvature, duration_s=30.0)
     rng = np.random.default_rng(3)
     seen, own = looks(truth, rng, 30, **CAMERA), readings(truth, 30, rng, 4e-3, -2e-3)
-    state, rows = run(schedule, truth, seen, own)
+    state, rows = observed(schedule, truth, seen, own)
     assert state.x[:, GYRO] == pytest.approx(4e-3, abs=4e-4)
     assert state.x[:, ALIGNMENT] == pytest.approx(-2e-3, abs=2e-4)
     error = column(rows, "yaw_rate_rps")[100:] - truth.yaw_rate_rps[100:, None]
@@ -141,7 +126,7 @@ def test_either_sensor_alone_helps(schedule, change, missing):
     own = [row._replace(**{missing: np.full(50, np.nan)}) for row in readings(change, 50, rng)]
     error = [
         (
-            column(run(schedule, change, seen, one)[1], "yaw_rate_rps")[20:75]
+            column(observed(schedule, change, seen, one)[1], "yaw_rate_rps")[20:75]
             - change.yaw_rate_rps[20:75, None]
         ).std()
         for one in (None, own)
@@ -158,8 +143,8 @@ def test_a_wrong_look_leaves_the_motion_alone(schedule, change):
             lateral_offset_m=seen[k].lateral_offset_m + 0.25,
             heading_error_rad=seen[k].heading_error_rad - 0.03,
         )
-    _, plain = run(schedule, change, seen, own)
-    _, rows = run(schedule, change, wild, own)
+    _, plain = observed(schedule, change, seen, own)
+    _, rows = observed(schedule, change, wild, own)
     assert rows[40].settled_s.max() == 0.0
     for k in (40, 41, 45):
         assert np.abs(rows[k].yaw_rate_rps - plain[k].yaw_rate_rps).max() < 5e-3
@@ -171,13 +156,13 @@ def test_a_new_start_forgets_the_lane_but_neither_motion_nor_offsets(schedule, c
     seen, own = looks(change, rng, 10, **CAMERA), readings(change, 10, rng, 3e-3)
     # the lane is another one from step 50 on, by less than a lane's width
     seen[50:] = [look._replace(lateral_offset_m=look.lateral_offset_m + 1.3) for look in seen[50:]]
-    state, rows = run(schedule, change, seen, own)
+    state, rows = observed(schedule, change, seen, own)
     error = column(rows, "yaw_rate_rps") - change.yaw_rate_rps[:, None]
     assert np.abs(error[45:60]).max() < 6e-3  # never NaN
     assert rows[60].lateral_offset_m - change.offset_m[60] == pytest.approx(1.3, abs=0.03)
     assert rows[60].settled_s.max() < 1.0
     # no lane for longer than the filter coasts: the offsets stay known
-    state, rows = run(schedule, change, [*seen[:60], *(unseen(look) for look in seen[60:])], own)
+    state, rows = observed(schedule, change, [*seen[:60], *(unseen(look) for look in seen[60:])], own)
     assert np.isnan(rows[-1].yaw_rate_rps).all()
     assert state.x[:, GYRO] == pytest.approx(3e-3, abs=2e-3)
     assert (state.P[:, GYRO, GYRO] < 1.5e-3**2).all()
@@ -190,7 +175,7 @@ def test_another_load_is_no_worse_than_for_the_camera_alone():
     truth = drive(vehicle, lambda *_: steer, lambda t: v, lambda s: k, 8.0, (slip, yaw, 0.0, 0.2, -slip / v))
     schedule = observer.schedule(HALF, PREVIEW_M, ObserverSettings())
     rng = np.random.default_rng(7)
-    _, rows = run(schedule, truth, looks(truth, rng, 20, **CAMERA), readings(truth, 20, rng))
+    _, rows = observed(schedule, truth, looks(truth, rng, 20, **CAMERA), readings(truth, 20, rng))
     late = truth.time_s >= 2.0
     assert np.abs(column(rows, "yaw_rate_rps")[late] / yaw - 1.0).max() < 0.05
     assert np.abs(column(rows, "lateral_speed_mps")[late].mean() / slip - 1.0) < 0.22
@@ -199,8 +184,8 @@ def test_another_load_is_no_worse_than_for_the_camera_alone():
 def test_paper_mode_never_looks_at_them(change):
     schedule = observer.schedule(HALF, PREVIEW_M, ObserverSettings(mode="paper"))
     seen, own = looks(change, np.random.default_rng(1), 3, **CAMERA), readings(change, 3, None, 0.1, 0.1)
-    _, alone = run(schedule, change, seen[:30], None)
-    _, rows = run(schedule, change, seen[:30], own[:30])
+    _, alone = observed(schedule, change, seen[:30], None)
+    _, rows = observed(schedule, change, seen[:30], own[:30])
     for one, other in zip(alone, rows, strict=True):
         for name in MotionEstimate._fields:
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
