@@ -54,6 +54,7 @@ PAPER_ROWS = 150  # rows that the published search uses
 
 _WHOLE = 0.98  # some containers miscount their frames
 UNKNOWN_MPS = 25.0  # where the speed is not given
+PITCH_STD_RAD = 0.006  # real cameras pitch more than simulated ones, and their files are less exact
 LOOKS_AT_FIRST = 3  # at a first frame: the start, and what confirms a weak one
 LOOKS_AT_STILL = 6
 CUT_GREY = 8.0  # larger mean change between images of a folder: a different place
@@ -163,7 +164,7 @@ class _Refined:
 
     def __init__(self, camera: Camera, step_s: float, speed_mps: float) -> None:
         self._projection = projection(camera)
-        self._refine = Refine(step_s=min(step_s, 1.0))
+        self._refine = Refine(step_s=min(step_s, 1.0), pitch_std_rad=PITCH_STD_RAD)
         self._numbers = genetic.search_numbers(genetic.GeneticSearch())
         self._speed = np.array([speed_mps])
         self._rows = HEIGHT_PX - 1.0 - POINT_ROWS_DOWN

@@ -1,6 +1,7 @@
 """`detect` on drawn and on real footage."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,7 @@ from analysis.calibrate import propose
 from analysis.cli import main
 from analysis.footage import FootageError, frames, open_footage
 from analysis.recorded import LANE_COLUMNS, detect
-from camera_synth.camera import Camera
+from camera_synth.camera import Camera, image_from_vehicle, projection, vehicle_from_image
 from plugin.configuration import read_camera
 from sumo_net.settings import SettingsError
 from sumo_net.vehicle import Vehicle
@@ -60,6 +61,23 @@ def test_a_drawn_still_is_measured(tmp_path):
     points = points_of(tmp_path / "out")[0]
     assert len(points["left"]) >= 10
     assert set(np.diff(points["left"][:, 1])) == {-5.0}
+
+
+@pytest.mark.parametrize("error_rad", [-0.0175, 0.0175])
+def test_a_pitch_one_degree_wrong_leaves_the_borders_where_they_are(tmp_path, error_rad):
+    borders, camera = (1.9, -1.6), Camera(height_m=1.3, focal_px=280.0, pitch_rad=0.02)
+    picture = tmp_path / "road.png"
+    cv2.imwrite(str(picture), draw(borders, camera=camera, line_m=0.15))
+    told = replace(camera, pitch_rad=camera.pitch_rad + error_rad)
+    detect(picture, told, tmp_path / "out")
+    points = points_of(tmp_path / "out")[0]
+    for side, border in zip(("left", "right"), borders, strict=True):
+        assert len(points[side]) >= 12
+        for x, row in points[side]:
+            ground = vehicle_from_image(x, 239.0 - row, projection(camera))
+            if ground[0] < 40.0:
+                column, _, _ = image_from_vehicle(ground[0], border, 0.0, projection(camera))
+                assert x == pytest.approx(column, abs=3.0)
 
 
 def test_a_picture_without_a_lane_gives_empty_fields(tmp_path):
@@ -291,3 +309,16 @@ def test_the_real_stills(tmp_path, name, left, right):
     points = points_of(tmp_path)[0]
     assert points["left"][0, 0] == pytest.approx(left, abs=6)
     assert points["right"][0, 0] == pytest.approx(right, abs=6)
+
+
+@real
+@pytest.mark.parametrize("error_rad", [-0.0175, 0.0175])
+def test_the_real_video_bears_a_pitch_one_degree_wrong(tmp_path, error_rad):
+    camera = propose(sorted(DATA.glob("*.jpg"))).camera
+    for name, pitch in (("told", camera.pitch_rad), ("wrong", camera.pitch_rad + error_rad)):
+        detect(DATA / "solidWhiteRight.mp4", replace(camera, pitch_rad=pitch), tmp_path / name)
+    told, wrong = points_of(tmp_path / "told"), points_of(tmp_path / "wrong")
+    for frame in told:
+        for side in ("left", "right"):
+            x = np.interp(wrong[frame][side][:, 1], *told[frame][side][::-1, ::-1].T)
+            assert np.percentile(np.abs(x - wrong[frame][side][:, 0]), 90) < 5.0, (frame, side)
