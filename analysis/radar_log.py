@@ -44,7 +44,7 @@ COLUMNS = (
     Column("time_s", "as in the log", decimals=6),
     Column("vehicle_id", "ego", "text"),
     Column("track_id", "number of the track, never used again", "int"),
-    Column("target_id", "as given in the log; empty where the tracker associates", "text"),
+    Column("target_id", "as given in the log; with --own-association, of the detection in this scan", "text"),
     Column("measured", "a detection of this scan was assigned", "bool"),
     Column("range_m", "from the radar"),
     Column("range_rate_mps", "positive: opening"),
@@ -152,7 +152,7 @@ def parse(frame: pd.DataFrame, source: str) -> Log:
 def tracks(log: Log, options: TrackerSettings, own_association: bool = False) -> Iterator[dict[str, Any]]:
     """The confirmed tracks after each scan, as columns of `COLUMNS` without truth.
 
-    `own_association` ignores the given targets.
+    `own_association` ignores the given targets; a row then names that of the detection assigned to it.
     """
     tracker = Tracker(options)
     state = tracker.init(1)
@@ -160,10 +160,13 @@ def tracks(log: Log, options: TrackerSettings, own_association: bool = False) ->
     for s, time in enumerate(log.time_s):
         scan = slice(log.first[s], log.first[s + 1])
         seen = Detections(*(part[scan] for part in log.detections))
+        given = seen.label
         if own_association:
-            seen = seen._replace(label=np.full_like(seen.label, -1))
+            seen = seen._replace(label=np.full_like(given, -1))
         ego = EgoMotion(*(part[s : s + 1] for part in log.ego))
         state, listed = tracker.step(state, seen, ego, float(time - before))
+        if own_association:
+            listed = listed._replace(label=np.append(given, -1)[listed.detection])
         before = time
         yield _columns(log, time, listed)
 
@@ -177,7 +180,7 @@ def track(
     truth = {time: group.set_index("target_id") for time, group in log.truth.groupby("time_s")}
     for columns in tracks(log, options, own_association):
         time = columns["time_s"][0] if len(columns["time_s"]) else None
-        if time in truth and not own_association:
+        if time in truth:
             beside = truth[time].drop(columns="time_s").reindex(columns["target_id"])
             columns |= {column: beside[column].to_numpy() for column in TRUE if column in beside}
         for recorder in recorders:

@@ -246,3 +246,20 @@ def test_formats_tell_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"radar\.csv: no such file"):
         load(tmp_path, "comma2k19")
     assert set(FORMATS) == {"comma2k19", "udacity"}
+
+
+def test_errors_are_known_also_where_the_tracker_associates(tmp_path: Path) -> None:
+    """A row names the target of the detection that it took, none where it coasts."""
+    time = np.arange(40) * 0.05
+    both = []
+    for name, begin, rate, azimuth in (("near", 20.0, -1.0, 0.1), ("far", 60.0, 2.0, -0.1)):
+        one = pd.DataFrame({"time_s": time, "range_m": begin + rate * time, "range_rate_mps": rate})
+        both.append(one.assign(azimuth_rad=azimuth, target_id=name, true_range_m=one["range_m"]))
+    rows = pd.concat(both).sort_values(["time_s", "target_id"])
+    gap = (rows["target_id"] == "near") & rows["time_s"].between(1.0, 1.1)
+    rows[~gap].to_csv(tmp_path / "log.csv", index=False)
+    table = track_recording(tmp_path / "log.csv", None, "imm", "csv", own_association=True)
+    tracks = table.groupby("target_id")["track_id"].nunique()
+    assert tracks.to_dict() == {"": 1, "near": 1, "far": 1}
+    assert (table["target_id"] != "").eq(table["measured"]).all()
+    assert rmse(table)["range_m"] < 0.05
