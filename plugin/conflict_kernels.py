@@ -8,6 +8,7 @@ from sumo_net.compile import kernel
 from sumo_net.road_kernels import pose_at, project
 
 _HALF_BODY_M = 0.9  # of an equipped vehicle
+_STILL_MPS = 1e-3  # SUMO's standing queues still close by 1e-80 m/s
 
 
 @kernel
@@ -30,6 +31,12 @@ def by_lane(lane, position, lanes):  # type: ignore[no-untyped-def]
             place -= 1
         order[place] = k
     return order, begin[1:]
+
+
+@kernel
+def time_to_collision(gap, closing):  # type: ignore[no-untyped-def]
+    """Gap over closing speed; infinite where the gap does not close."""
+    return max(gap, 0.0) / closing if closing > _STILL_MPS else math.inf
 
 
 @kernel
@@ -64,8 +71,7 @@ def lane_leaders(rows, snapshot, count, chain, lanes, ahead, reach, out):  # typ
                 closing = snapshot.speed_mps[me] - snapshot.speed_mps[other]
                 out.handle[i] = snapshot.handle[other]
                 out.gap_m[i], out.closing_mps[i] = gap, closing
-                if closing > 0.0:
-                    out.ttc_s[i] = max(gap, 0.0) / closing
+                out.ttc_s[i] = time_to_collision(gap, closing)
             break
 
 
@@ -148,7 +154,7 @@ def _lead(truth, i, objects, m, gap, out):  # type: ignore[no-untyped-def]
     """Body m, `gap` m ahead along the path, as the leader of vehicle i into `out` (Leaders)."""
     closing = truth.speed_mps[i] - objects.speed_mps[i, m] * math.cos(objects.heading_rad[i, m])
     out.handle[i], out.gap_m[i], out.closing_mps[i] = objects.handle[i, m], gap, closing
-    out.ttc_s[i] = max(gap, 0.0) / closing if closing > 0.0 else math.inf
+    out.ttc_s[i] = time_to_collision(gap, closing)
 
 
 @kernel

@@ -269,6 +269,8 @@ def test_leader_by_place() -> None:
     found = path_leaders(truth, objects_at([[beside, leader, cutting_in]]), table, 1.6)
     assert found.handle.tolist() == [7]
     assert path_leaders(truth, objects_at([[beside]]), table, 1.6).handle.tolist() == [-1]
+    as_fast = leader | {"speed_mps": 30.0 - 1e-9}
+    assert path_leaders(truth, objects_at([[as_fast]]), table, 1.6).ttc_s[0] == np.inf
 
 
 @pytest.mark.parametrize(("heading", "found"), [(0.0, -1), (0.03, -1), (0.06, 5), (-0.06, -1)])
