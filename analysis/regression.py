@@ -59,6 +59,8 @@ def check(file: Path, mode: str | None = None, update: bool = False) -> dict[str
     wanted, bounds = expectations(file)
     options: dict[str, Any] = {} if mode is None else {"mode": mode}
     settings_of(str(file), **options)  # raises before anything is run
+    if not bounds and not wanted.golden.figures:
+        raise SettingsError(f"{file}: expects nothing: add [expect], for example departures.missed = 0")
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
         tables = _run(str(file), wanted.seeds, options, Path(work))
     figures = summary(**tables)

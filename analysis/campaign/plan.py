@@ -227,12 +227,17 @@ def _check(
     cell: Mapping[str, Any],
 ) -> Configuration:
     """As `load_configuration`, for a scenario read by `mapping`, which may cache it."""
+    where = ", ".join(f"{name} = {value!r}" for name, value in cell.items())
+    run = f"{source}: {scenario}{' with ' + where if where else ''}"
     try:
         base, path = mapping(scenario)
-        return configuration_from(laid_over(base, changes), str(path))
     except SettingsError as error:
-        where = ", ".join(f"{name} = {value!r}" for name, value in cell.items())
-        raise SettingsError(f"{source}: run {scenario}{' with ' + where if where else ''}: {error}") from None
+        raise SettingsError(f"{run}: {error}") from None
+    try:
+        return configuration_from(laid_over(base, changes), run)
+    except SettingsError:
+        configuration_from(base, str(path))  # raises where the scenario itself is wrong
+        raise
 
 
 def _scenario(name: str, folder: Path) -> str:

@@ -82,6 +82,18 @@ def test_what_is_wrong_is_said_before_anything_runs(tmp_path: Path, text: str, w
         load(written(tmp_path, text))
 
 
+def test_a_wrong_value_is_the_campaigns_and_not_its_scenarios(tmp_path: Path) -> None:
+    file = written(tmp_path, 'scenarios = ["straight"]\nseeds = [1]\ngrid = { condition = ["fog"] }')
+    with pytest.raises(SettingsError) as error:
+        load(file)
+    assert str(error.value).startswith(
+        f"{file}: straight with condition = 'fog': condition.preset = 'fog': known"
+    )
+    (tmp_path / "mine.toml").write_text("duration_s = -1.0")
+    with pytest.raises(SettingsError, match=r"mine.toml: duration_s = -1"):
+        load(written(tmp_path, 'scenarios = ["mine.toml"]\nseeds = [1]'))
+
+
 def test_a_dry_run_lists_the_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as done:
         main(["batch", str(written(tmp_path, SMALL)), "--out", str(tmp_path / "out"), "--dry-run"])

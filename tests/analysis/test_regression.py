@@ -57,6 +57,8 @@ def test_settings_lie_over_the_scenario_that_is_named(tmp_path: Path) -> None:
         ('scenario = "straigth"', "straight"),
         ("[settings]\ndurations_s = 3", "duration_s"),
         ("[expect]\na = true", "must be a number"),
+        ("", "expects nothing"),
+        ("[expect]", "expects nothing"),
     ],
 )
 def test_a_file_that_is_wrong_is_told_before_anything_runs(tmp_path: Path, text: str, words: str) -> None:
