@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import dask
 from distributed import Client, LocalCluster, as_completed
 
+from analysis.campaign.growth import contains, continued, described
 from analysis.campaign.one import one as one_run
 from analysis.campaign.plan import Plan, Run
 from analysis.campaign.store import Store
@@ -78,22 +79,20 @@ def run(
     Raises SettingsError before anything is run or overwritten.
     """
     store = Store(out)
+    before = store.description()
+    plan = continued(plan, before)
+    description = described(plan, compare_paper)
     what = f"{plan.hash} with the published search beside" if compare_paper else plan.hash
-    store.check(what)
+    grown = contains(description, before)
+    store.check(what, grown)
     there = store.done()
     missing = [one for one in plan.runs if one.key not in there]
     with _client(workers, scheduler) as client:
         if missing:
             _check_workers(client)  # before anything is written
-        store.claim(plan.campaign.title, what, len(plan.runs))
+        store.claim(plan.campaign.title, what, len(plan.runs), grown)
         store.sweep_up()
-        store.describe(
-            {
-                "cells": list(plan.cells),
-                "runs": [[r.key, r.cell, r.seed] for r in plan.runs],
-                "keep": list(plan.campaign.keep),
-            }
-        )
+        store.describe(description)
         tell(Progress(len(plan.runs), len(plan.runs) - len(missing), 0))
         if missing:
             _work(client, plan, missing, store, compare_paper, tell)

@@ -147,6 +147,11 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
+def run_key(cell: int, seed: int) -> str:
+    """Name of a run's folder."""
+    return f"{cell:04d}-{seed:010d}"
+
+
 def load(file: Path | str, keep: tuple[str, ...] = ()) -> Plan:
     """Read a campaign file and check every run's settings. Raises SettingsError before anything runs.
 
@@ -197,7 +202,7 @@ def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") ->
             checked = _check(mapping, scenario, changes, source, cell)
             recorded += checked.duration_s
             hashes.append(checked.hash + contents(checked.configuration) + contents(checked.net_file))
-            runs.append(Run(f"{len(cells):04d}-{seed:010d}", len(cells), scenario, seed, changes))
+            runs.append(Run(run_key(len(cells), seed), len(cells), scenario, seed, changes))
         cells.append({"scenario": Path(scenario).name.split(".")[0]} | cell)
     return Plan(campaign, tuple(cells), tuple(runs), recorded, tuple(hashes))
 

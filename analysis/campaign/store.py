@@ -31,8 +31,8 @@ class Store:
         except (ValueError, ImportError) as error:
             raise SettingsError(f"--out {self.address}: {error}") from None
 
-    def check(self, plan_hash: str) -> bool:
-        """Whether the directory is already this campaign's; False if it is new or empty.
+    def check(self, plan_hash: str, grown: bool = False) -> bool:
+        """Whether the directory is already this campaign's; False if it is new, empty or has `grown` to it.
 
         Raises SettingsError if it is another one's, or cannot be read. Writes nothing.
         """
@@ -44,22 +44,32 @@ class Store:
         if not empty:
             raise SettingsError(f"{self.address}: is not empty, and no campaign's: name another --out")
         if known is not None and known["hash"] != plan_hash:
+            if grown:
+                return False
             raise SettingsError(
                 f"{self.address}: holds another campaign, or this one with other settings, scenario files, "
                 f"--keep or --compare-paper ('{known['title']}', {known['runs']} runs): name another --out, "
-                "or remove it"
+                "or remove it; only seeds, scenarios and values of the grid can be added"
             )
         return known is not None
 
-    def claim(self, title: str, plan_hash: str, runs: int) -> None:
+    def claim(self, title: str, plan_hash: str, runs: int, grown: bool = False) -> None:
         """Mark the directory as this campaign's. Raises SettingsError if it is another one's."""
-        if not self.check(plan_hash):
+        if not self.check(plan_hash, grown):
             self._fs.makedirs(self._root, exist_ok=True)
             self.write("campaign.json", {"title": title, "hash": plan_hash, "runs": runs})
 
     def describe(self, plan: dict[str, Any]) -> None:
         """Write the description of the cells, for the report."""
         self.write("plan.json", plan)
+
+    def description(self) -> dict[str, Any] | None:
+        """What `describe` has written, None if there is none that can be read."""
+        try:
+            plan = self.read("plan.json")
+        except json.JSONDecodeError:
+            return None
+        return plan if isinstance(plan, dict) else None
 
     def done(self) -> set[str]:
         """Keys of the finished runs."""

@@ -16,7 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.campaign import tally as counting
-from analysis.campaign.plan import Campaign, Draw, Seeds, in_words, load, plan
+from analysis.campaign.growth import contains, continued, described
+from analysis.campaign.plan import Campaign, Draw, Plan, Seeds, in_words, load, plan
 from analysis.campaign.report import write_report
 from analysis.campaign.store import Store
 from analysis.campaign.sweep import _judge_collision, _judge_lane, sweep, thresholds
@@ -143,6 +144,32 @@ def test_a_directory_belongs_to_one_campaign(tmp_path: Path) -> None:
     (tmp_path / "mine" / "thesis.txt").touch()
     with pytest.raises(SettingsError, match="not empty"):
         Store(tmp_path / "mine").claim("A", "1" * 64, 3)
+
+
+def test_a_campaign_may_grow_and_keeps_its_runs(tmp_path: Path) -> None:
+    """Seeds, values of a grid, scenarios: cells keep their numbers, new ones come after them."""
+    small = plan(Campaign(seeds=(3, 4), grid={"condition": ("clear", "night"), "reaction.on": (False, True)}))
+    before = json.loads(json.dumps(described(small, False)))
+
+    def grown(**changes: object) -> Plan:
+        given = {"seeds": (3, 4), "grid": small.campaign.grid} | changes
+        return continued(plan(Campaign(**given)), before)  # type: ignore[arg-type]
+
+    assert grown().hash == small.hash
+    more = small.campaign.grid | {"condition": ("clear", "rain", "night")}
+    larger = grown(seeds=(2, 3, 4), grid=more, scenarios=("highway", "curves"))
+    assert contains(described(larger, False), before)
+    assert [cell["condition"] for cell in larger.cells[:5]] == ["clear", "clear", "night", "night", "rain"]
+    assert len({one.key for one in larger.runs}) == len(larger.runs) == 36
+    assert all(
+        one.changes["condition"]["preset"] == larger.cells[one.cell]["condition"] for one in larger.runs
+    )
+    again = json.loads(json.dumps(described(larger, False)))
+    assert continued(larger, again).hash == larger.hash
+    assert not contains(described(grown(seeds=(3,)), False), before)
+    assert not contains(described(grown(settings={"warm_up_s": 1.0}), False), before)
+    assert not contains(described(grown(keep=("steps",)), False), before)
+    assert not contains(described(larger, True), before)
 
 
 @pytest.mark.parametrize("address", ["file", "memory"])
@@ -310,6 +337,18 @@ def test_killed_and_resumed_it_gives_the_same_report_byte_for_byte(tmp_path: Pat
     assert tables["runs"]["run"].tolist() == [f"{c:04d}-{s:010d}" for c in (0, 1) for s in (3, 4)]
     counted = json.loads((whole / "runs" / "0000-0000000003" / "summary.json").read_text())["counts"]
     assert counted["vehicle_steps"] > 0
+
+
+def test_more_seeds_run_only_what_is_missing(tmp_path: Path) -> None:
+    out, whole = tmp_path / "out", tmp_path / "whole"
+    batch(written(tmp_path, SMALL.replace("[3, 4]", "[4]")), out).communicate()
+    first = {file: file.stat().st_mtime_ns for file in out.glob("runs/*/summary.json")}
+    assert len(first) == 2
+    for place in (out, whole):
+        batch(written(tmp_path, SMALL), place).communicate()
+    assert {file: file.stat().st_mtime_ns for file in first} == first
+    for table in whole.glob("*.csv"):
+        assert (out / table.name).read_bytes() == table.read_bytes(), table.name
 
 
 def test_a_run_that_fails_is_recorded_and_stops_no_other(tmp_path: Path) -> None:
