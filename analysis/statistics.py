@@ -1,6 +1,6 @@
 """Statistics shared by several figures."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,34 @@ def ratio_interval(numerator: Array, denominator: Array, resamples: int = RESAMP
         rng=np.random.default_rng(0),
     ).confidence_interval
     return float(interval.low), float(interval.high)
+
+
+def ratio_difference_intervals(
+    numerators: Sequence[Array], denominators: Sequence[Array], resamples: int = RESAMPLES
+) -> tuple[Array, Array, Array]:
+    """Ratios of sums of two paired samples, and 95 % bootstrap intervals of the second minus the first.
+
+    Two arrays (n, F) each: n pairs, F figures. Pairs are drawn together. Returns ratios (2, F), low and high
+    (F,); a ratio is NaN where its denominator is 0, an interval also for fewer than two pairs.
+    """
+    parts = [np.asarray(part, np.float64) for part in (*numerators, *denominators)]
+    n, F = parts[0].shape
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.stack([parts[k].sum(axis=0) / parts[k + 2].sum(axis=0) for k in range(2)])
+        if n < 2:
+            return ratios, np.full(F, np.nan), np.full(F, np.nan)
+        random, drawn = np.random.default_rng(0), np.empty((resamples, F))
+        for k in range(resamples):
+            times = random.multinomial(n, np.full(n, 1.0 / n))
+            a, b, per_a, per_b = (times @ part for part in parts)
+            drawn[k] = b / per_b - a / per_a
+    known = np.where(np.isfinite(ratios).all(axis=0), drawn, np.nan)
+    low, high = np.full((2, F), np.nan)
+    for k in range(F):
+        values = known[np.isfinite(known[:, k]), k]
+        if len(values):
+            low[k], high[k] = np.quantile(values, (0.025, 0.975))
+    return ratios, low, high
 
 
 def quantile_ratio_interval(

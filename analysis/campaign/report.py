@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
+from analysis.campaign.differences import differences
 from analysis.campaign.store import Store
 from analysis.campaign.tally import COUNTS, Tally, add, distribution, quantile, root_mean_square
 from analysis.metrics import ERRORS
@@ -19,14 +20,20 @@ from sumo_net.settings import SettingsError
 RATES = (
     "departures",
     "departures_missed",
+    "warnings",
     "warnings_true",
     "warnings_nuisance",
     "warnings_false",
     "conflicts",
     "conflicts_critical",
+    "fcw_reminder",
+    "fcw_reminder_true",
+    "fcw_reminder_nuisance",
     "fcw_reminder_false",
-    "fcw_danger_false",
+    "fcw_danger",
+    "fcw_danger_true",
     "fcw_danger_nuisance",
+    "fcw_danger_false",
 )
 SHARES = {
     "departures_warned": "departures_due",
@@ -50,6 +57,7 @@ def write_report(out: Any) -> dict[str, pd.DataFrame]:
         counts = summary["counts"]
         add(cells.setdefault(summary["cell"], {}), counts)
         names = ("distance_mm", "vehicle_steps", "vehicles", *COUNTS, "judged", "recognised")
+        names += ("paper_judged", "paper_recognised")
         row = {"run": summary["key"], "cell": summary["cell"], "seed": summary["seed"]}
         per_run.append(row | {name: counts.get(name, 0) for name in names})
     runs = pd.DataFrame(per_run)
@@ -75,6 +83,7 @@ def write_report(out: Any) -> dict[str, pd.DataFrame]:
         "times": table(_times),
         "classes": table(_classes),
         "benefit": _benefit(plan["cells"], runs) if len(runs) else pd.DataFrame(),
+        "differences": _differences(plan["cells"], runs) if len(runs) else pd.DataFrame(),
         "runs": runs,
         "failures": pd.DataFrame(failures, columns=["run", "cause", "attempts"]),
     }
@@ -138,6 +147,12 @@ def _benefit(cells: list[dict[str, Any]], runs: pd.DataFrame) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows)
+
+
+def _differences(cells: list[dict[str, Any]], runs: pd.DataFrame) -> pd.DataFrame:
+    """Rates per 100 km and shares under each value of the grid, compared with its first value."""
+    per_100_km = runs.assign(distance_100km=runs["distance_mm"] / 1e8)
+    return differences(cells, per_100_km, dict.fromkeys(RATES, "distance_100km") | SHARES)
 
 
 def _shares(total: Mapping[str, int]) -> Iterable[dict[str, Any]]:

@@ -15,9 +15,11 @@ Array = np.ndarray[Any, Any]
 RATES = {
     "departures": "departures",
     "departures_missed": "departures missed",
+    "warnings": "lane warnings",
     "warnings_false": "false lane warnings",
     "warnings_nuisance": "nuisance lane warnings",
     "conflicts": "rear-end conflicts",
+    "fcw_danger": "danger warnings",
     "fcw_danger_false": "false danger warnings",
 }
 SHARES = {

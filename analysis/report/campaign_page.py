@@ -9,7 +9,18 @@ from analysis.plots import campaign as figures
 from analysis.report.cards import Card, Grid, Page, card, grid_of
 from analysis.report.reading import read_csv
 
-TABLES = ("rates", "shares", "accuracy", "predictions", "times", "classes", "benefit", "runs", "failures")
+TABLES = (
+    "rates",
+    "shares",
+    "accuracy",
+    "predictions",
+    "times",
+    "classes",
+    "benefit",
+    "differences",
+    "runs",
+    "failures",
+)
 _TIMES = {
     "true_tlc": (
         "Times to lane crossing",
@@ -185,6 +196,7 @@ def _tables(tables: dict[str, pd.DataFrame], sweeps: dict[str, pd.DataFrame]) ->
         "shares",
         "accuracy",
         "benefit",
+        "differences",
         "sweep_ldw",
         "sweep_fcw",
         "classes",
