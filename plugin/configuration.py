@@ -33,7 +33,7 @@ from radar_synth.radar import Radar
 from sumo_net.driver import Driver
 from sumo_net.roadside import Roadside
 from sumo_net.scenario import Scenario, laid_over, scenario_mapping
-from sumo_net.settings import SettingsError, read, read_json, settings
+from sumo_net.settings import SettingsError, read, read_json, read_toml, settings
 from sumo_net.vehicle import Vehicle
 
 
@@ -175,8 +175,6 @@ def versions() -> str:
 
 def read_camera(path: Path) -> Camera:
     """A camera file, as `sumo-adas calibrate` writes it. Raises SettingsError."""
-    from sumo_net.settings import read_toml
-
     mapping = read_toml(path)
     beside = [name for name in mapping if name != "camera"]
     if "camera" in mapping and beside:

@@ -83,6 +83,7 @@ class EventBook:
     matching: Matching
     departures: list[Departure] = field(default_factory=list)
     warnings: list[LaneWarning] = field(default_factory=list)
+    _archive: list[Departure | LaneWarning] = field(default_factory=list)  # matched lately
 
     def settle(self, until_s: float, final: bool) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
         """Rows (departures, warnings) of all events that can be matched by `until_s`; the rest is kept."""
@@ -104,8 +105,6 @@ class EventBook:
         self.departures = [d for d in self.departures if id(d) not in finished]
         self.warnings = [w for w in self.warnings if id(w) not in finished]
         return departure_rows, warning_rows
-
-    _archive: list[Departure | LaneWarning] = field(default_factory=list)
 
     def _decided(self, warning: LaneWarning, until_s: float) -> bool:
         return warning.end_s is not None and self._last_match(warning) <= until_s

@@ -217,9 +217,8 @@ class Scorer:
         for name in ("recognised", "paper_recognised"):
             if name in columns:
                 columns[name] = pa.array(columns[name] == 1, mask=columns[name] < 0)
-        for name in ("fcw_track_id",):
-            if name in columns:
-                columns[name] = pa.array(columns[name], mask=columns[name] < 0)
+        if "fcw_track_id" in columns:
+            columns["fcw_track_id"] = pa.array(columns["fcw_track_id"], mask=columns["fcw_track_id"] < 0)
         return columns
 
     def _write_predictions(self, rows: dict[str, Array], follows: Array, new: Array, names: Names) -> None:

@@ -100,9 +100,7 @@ def project(table, path, x, y, s_guess):  # type: ignore[no-untyped-def]
     for i in range(last + 1):
         at = table.first_sample[path] + i
         distance = math.hypot(table.x_m[at] - x, table.y_m[at] - y)
-        distance += 0.01 * abs(
-            i * h - s_guess
-        )  # prefers the passage near the guess where the path crosses itself
+        distance += 0.01 * abs(i * h - s_guess)  # where the path crosses itself, the passage near the guess
         if distance < nearest:
             best, nearest = i, distance
     again, e, found_again = _newton(table, path, x, y, best * h)

@@ -17,6 +17,8 @@ from sumo_net.settings import settings
 
 FloatArray = NDArray[np.float64]
 
+STANDSTILL_MPS = 0.1  # the model divides by speed; here its exact discretisation is already kinematic
+
 
 @settings
 class Vehicle:

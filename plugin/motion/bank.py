@@ -15,9 +15,7 @@ from plugin.motion import bank_kernels
 from plugin.motion.bank_kernels import BankSchedule, BankState
 from plugin.motion.estimate import Array, MotionEstimate, blank
 from sumo_net.settings import settings
-from sumo_net.vehicle import Vehicle, preview_model, zero_order_hold
-
-_STANDSTILL_MPS = 0.1  # the model divides by speed; here its exact discretisation is already kinematic
+from sumo_net.vehicle import STANDSTILL_MPS, Vehicle, preview_model, zero_order_hold
 
 
 @settings
@@ -62,7 +60,7 @@ def schedule(
     measured = np.diag([c.measured_offset_noise, c.measured_heading_noise])
     held = []
     for v in speeds:
-        A, B = preview_model(vehicle, max(v, _STANDSTILL_MPS), preview_m)
+        A, B = preview_model(vehicle, max(v, STANDSTILL_MPS), preview_m)
         held.append(zero_order_hold(A, B, step_s))
     return BankSchedule(
         np.array([transition for transition, _ in held]),

@@ -49,9 +49,8 @@ from plugin.motion.filter_kernels import (
     R,
 )
 from sumo_net.settings import settings
-from sumo_net.vehicle import Vehicle, single_track, steady_state
+from sumo_net.vehicle import STANDSTILL_MPS, Vehicle, single_track, steady_state
 
-_STANDSTILL_MPS = 0.1  # the model divides by speed; here its exact discretisation is already kinematic
 _TABLE_STEP_MPS = 1.0
 _FASTEST_MPS = 80.0
 _DOUBLINGS = 6
@@ -172,7 +171,7 @@ def continuous_model(vehicle: Vehicle, settings: FilterSettings, speed_mps: floa
     """
     c, v = settings, speed_mps
     F, G = np.zeros((GYRO, GYRO)), np.zeros((GYRO, GYRO))
-    A, B = single_track(vehicle, max(v, _STANDSTILL_MPS))
+    A, B = single_track(vehicle, max(v, STANDSTILL_MPS))
     F[:2, :2] = A
     for state, share in zip((K, KRATE, R), steer_shares(vehicle, c, v), strict=True):
         F[:2, state] = B[:, 0] * share
@@ -246,7 +245,7 @@ def schedule(
     own = [c.residual_mps2, c.residual_mps2, 1.0, math.sqrt(0.5), c.heading_bias_rad]
     offsets = [c.yaw_rate_offset_rps, c.steer_offset_rad]
     first = np.array([_UNKNOWN_V_Y, _UNKNOWN_YAW, *seen, *own, *offsets])
-    turns = [_turn(vehicle, max(float(v), _STANDSTILL_MPS)) for v in speeds]
+    turns = [_turn(vehicle, max(float(v), STANDSTILL_MPS)) for v in speeds]
     return FilterSchedule(
         np.array([transition for transition, _ in held]),
         np.array([noise for _, noise in held]),

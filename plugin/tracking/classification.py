@@ -5,12 +5,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from plugin.tracking.classification_kernels import ClassRules
+from plugin.tracking.classification_kernels import (
+    ONCOMING,
+    SAME_DIRECTION,
+    STATIONARY,
+    STOPPED_ONCOMING,
+    STOPPED_SAME,
+    UNCLASSIFIED,
+    ClassRules,
+)
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
 
-UNCLASSIFIED, STATIONARY, SAME_DIRECTION, ONCOMING, STOPPED_SAME, STOPPED_ONCOMING = range(6)
 NAMES = (
     "unclassified",
     "stationary",

@@ -6,7 +6,7 @@ import numpy as np
 
 from sumo_net.compile import kernel
 
-UNCLASSIFIED, STATIONARY, SAME_DIRECTION, ONCOMING, STOPPED_SAME, STOPPED_ONCOMING = 0, 1, 2, 3, 4, 5
+UNCLASSIFIED, STATIONARY, SAME_DIRECTION, ONCOMING, STOPPED_SAME, STOPPED_ONCOMING = range(6)
 
 
 class ClassRules(NamedTuple):

@@ -59,12 +59,8 @@ class PolarFilter:
     ) -> None:
         self.models = polar_models(kinds, motion)
         self.markov = imm.check_markov(markov, len(kinds))
-        self._step_s, self._R, self._spread, self._mount = (
-            motion.step_s,
-            noise.covariance,
-            spread,
-            mount_forward_m,
-        )
+        self._step_s, self._R = motion.step_s, noise.covariance
+        self._spread, self._mount = spread, mount_forward_m
 
     def start(self, detections: Detections, sensor: SensorMotion) -> ImmState:
         c, s = np.cos(detections.azimuth_rad), np.sin(detections.azimuth_rad)

@@ -12,10 +12,7 @@ from sumo_net.compile import kernel
 _PAINT_M = (0.22, 0.28, 0.34, 0.40, 0.46)
 _STRIP_M = (0.15, 0.21)
 _NEAREST_M, _FURTHEST_M = 3.0, 80.0  # nearer than this a body fills the image
-_BAND_LOW_M, _BAND_HIGH_M = (
-    0.13,
-    0.21,
-)  # of the dark strip at the foot: tyres, bumper; lower, its shadow is wider
+_BAND_LOW_M, _BAND_HIGH_M = 0.13, 0.21  # of the dark strip at the foot; lower, its shadow is wider
 _DARK = 0.65  # largest grey relative to the road's
 _MIDDLE_M = 0.4  # to each side of the middle, where the foot is searched
 _SLACK_M, _SLACK_PX = 1.5, 4.0  # tolerance of the foot: range error, own pitch
