@@ -252,6 +252,26 @@ def test_coming_back_over_the_border_just_crossed_warns(clear_m):
     assert len(across) <= np.argmax(begun == -1) < len(across) + 5
 
 
+def test_after_a_change_of_lane_the_border_crossed_is_a_border_like_any_other():
+    across = np.arange(1.0, 1.875, 0.08)
+    wobble = -0.95 - 0.07 * np.sin(np.arange(100) * 0.5)  # TLC swings about the threshold near it
+    offset = np.r_[across, np.linspace(-1.87, 0.0, 25), np.linspace(0.0, -0.95, 25), wobble]
+    shift = np.zeros(len(offset))
+    shift[len(across)] = 1
+    drift = np.r_[0.8, np.diff(offset) / 0.1]
+    drift[len(across)] = 0.8
+    begun = play(offset, drift, shift=shift, settings=DepartureSettings(rearm_s=1e3)).started[:, 0]
+    assert begun[begun != 0].tolist() == [1, -1]
+
+
+def test_slowing_down_ends_a_warning_at_once():
+    offset, drift = drift_out(0.5)
+    first = int(np.argmax(play(offset, drift).started[:, 0] != 0))
+    speed = np.where(np.arange(len(offset)) < first + 2, 25.0, 5.0)
+    active = play(offset, drift, v=speed).side[:, 0] != 0
+    assert np.flatnonzero(active).tolist() == [first, first + 1]
+
+
 def test_no_warning_on_an_estimate_that_the_looks_contradict():
     offset, drift = drift_out()
     plain = int(np.argmax(play(offset, drift).started[:, 0] != 0))

@@ -232,6 +232,8 @@ def test_given_targets_are_never_exchanged() -> None:
     for k in range(40):
         rows = [(40.0 + 0.5 * k, 5.0, 0.0), (60.0 - 0.5 * k, -5.0, 0.001), (50.0, 0.0, 0.0)]
         state, tracks = tracker.step(state, detections(rows, [4, 9, -1]), at_rest(1), 0.1)
+        if k == 0:
+            assert tracks.confirmed.tolist() == [True, True, False]  # a label needs no confirmation
     np.testing.assert_allclose(tracks.estimate.range_m[tracks.label == 4], 59.5, atol=0.5)
     np.testing.assert_allclose(tracks.estimate.range_m[tracks.label == 9], 40.5, atol=0.5)
     assert sorted(tracks.label.tolist()) == [-1, 4, 9]
@@ -245,6 +247,24 @@ def test_a_second_point_of_one_body_begins_no_track() -> None:
         rows = [(50.0, 0.0, 0.0)] if k < 5 else [(50.0, 0.0, 0.0), (51.0, 0.1, 0.002)]
         state, tracks = tracker.step(state, detections(rows), at_rest(1), 0.1)
     assert len(tracks.owner) == 1
+
+
+def test_beside_a_tentative_track_another_one_may_begin() -> None:
+    tracker = Tracker(TrackerSettings())
+    state, _ = tracker.step(tracker.init(1), detections([(50.0, 0.0, 0.0)]), at_rest(1), 0.1)
+    _, tracks = tracker.step(state, detections([(50.0, 0.0, 0.0), (52.0, 0.0, 0.0)]), at_rest(1), 0.1)
+    assert len(tracks.owner) == 2
+
+
+def test_a_confirmed_track_is_preferred_to_a_tentative_one() -> None:
+    tracker = Tracker(TrackerSettings())
+    state = tracker.init(1)
+    for _ in range(6):
+        state, _ = tracker.step(state, detections([(50.0, 0.0, 0.0)]), at_rest(1), 0.1)
+    state, tracks = tracker.step(state, detections([(50.0, 0, 0), (56.0, 0, 0)]), at_rest(1), 0.1)
+    assert tracks.confirmed.tolist() == [True, False]
+    _, tracks = tracker.step(state, detections([(53.5, 0.0, 0.0)]), at_rest(1), 0.1)
+    assert tracks.detection.tolist() == [0, -1]
 
 
 def test_vehicles_leave_and_come() -> None:
