@@ -97,7 +97,7 @@ class Scorer:
         follows = _follows(rows)
         self._book.departures += self._departures(rows, follows, new)
         self._warnings(rows, follows, new, until)
-        rows["true_tlc_s"] = _true_tlc(rows, _crossings(rows, follows))
+        rows["true_tlc_s"] = _true_tlc(rows, follows, _crossings(rows, follows))
         self._write_steps(rows, new, names)
         self._write_predictions(rows, follows, new, names)
         departures, warnings = self._book.settle(until, final)
@@ -223,10 +223,10 @@ class Scorer:
 
     def _write_predictions(self, rows: dict[str, Array], follows: Array, new: Array, names: Names) -> None:
         order = _by_time(rows, new)
-        segment = np.cumsum(~follows)
+        drive = _drives(follows)
         later = order[:, None] + _HORIZON_STEPS
-        inside = np.minimum(later, len(segment) - 1)
-        known = (later < len(segment)) & (segment[inside] == segment[order][:, None])
+        inside = np.minimum(later, len(drive) - 1)
+        known = (later < len(drive)) & (drive[inside] == drive[order][:, None])
         known &= np.isfinite(rows["predicted"][order, :, 0])
         cos, sin = (
             np.cos(rows["world_heading_rad"][order])[:, None],
@@ -316,6 +316,11 @@ def _follows(rows: dict[str, Array]) -> Array:
     return follows
 
 
+def _drives(follows: Array) -> Array:
+    """Number of the drive without a break that each row belongs to."""
+    return np.cumsum(~follows)
+
+
 def _inward_to_outward(margin: Array, offset: Array, follows: Array) -> Array:
     """Rows at which the margin turned from inside to outside of one and the same lane."""
     before = np.roll(margin, 1)
@@ -335,15 +340,15 @@ def _crossings(rows: dict[str, Array], follows: Array) -> Array:
     return merged[np.argsort(merged[:, 0], kind="stable")]
 
 
-def _true_tlc(rows: dict[str, Array], crossings: Array) -> Array:
-    """Time to the next crossing of the same vehicle, 0 while outside, NaN beyond LOOK_AHEAD_S."""
-    time, handle = rows["time_s"], rows["handle"]
+def _true_tlc(rows: dict[str, Array], follows: Array, crossings: Array) -> Array:
+    """Time to the next crossing on the same drive, 0 while outside, NaN beyond LOOK_AHEAD_S."""
+    time, drive = rows["time_s"], _drives(follows)
     tlc = np.full(len(time), np.nan)
     if len(crossings):
         rank = np.searchsorted(crossings[:, 0], np.arange(len(time)), side="right")
         known = rank < len(crossings)
         nearest = crossings[np.minimum(rank, len(crossings) - 1)]
-        same = handle[nearest[:, 0].astype(np.int64)] == handle
+        same = drive[nearest[:, 0].astype(np.int64)] == drive
         ahead = nearest[:, 1] - time
         tlc = np.where(known & same & (ahead <= LOOK_AHEAD_S) & (ahead >= 0.0), ahead, np.nan)
     with np.errstate(invalid="ignore"):
