@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plugin.tracking.detections import Detections, SensorMotion
+from plugin.tracking import imm
+from plugin.tracking.detections import Detections, Estimate, SensorMotion
 from plugin.tracking.filters import FilterSettings, make
 from plugin.tracking.polar_kernels import bend, first_velocity
 
@@ -92,3 +93,36 @@ def test_a_new_track_is_as_uncertain_as_its_detection():
         assert P[4, 4] == pytest.approx((c.start.lateral_speed_mps / math.cos(0.1) / 40.0) ** 2)
         assert P[5, 5] == pytest.approx((c.start.acceleration_mps2 / 40.0) ** 2)
     assert state.mu[0].tolist() == [0.5, 0.5]
+
+
+def test_estimates_over_ground_are_those_of_the_polar_state():
+    chosen, motion = make("imm", FilterSettings(mount_forward_m=1.5)), sensor(vx=30.0, vy=0.5)
+    r, rate, push, azimuth, turning, twist = x = np.array([50.0, -4.0, 1.0, 0.4, 0.02, 0.01])
+    state = imm.init(x[None], np.eye(6)[None], np.array([0.7, 0.3]))
+    found = Estimate(*chosen.estimate(state, np.zeros(1, np.int64), motion))
+    along, across = (
+        np.array([np.cos(azimuth), np.sin(azimuth)]),
+        np.array([-np.sin(azimuth), np.cos(azimuth)]),
+    )
+    assert [found.x_m[0] - 1.5, found.y_m[0]] == pytest.approx(r * along)
+    assert [found.vx_mps[0] - 30.0, found.vy_mps[0] - 0.5] == pytest.approx(
+        rate * along + r * turning * across
+    )
+    assert [found.ax_mps2[0], found.ay_mps2[0]] == pytest.approx(push * along + r * twist * across)
+    assert found.probability_cv[0] == pytest.approx(0.7)
+
+
+def test_a_restart_forgets_the_covariance_of_the_lost_alone():
+    c = FilterSettings()
+    x = np.array([[50.0, -4.0, 1.0, 0.4, 0.02, 0.01]] * 2)
+    before = imm.init(x, 9.0 * np.eye(6)[None].repeat(2, axis=0), np.array([0.7, 0.3]))
+    after = make("imm", c).restart(before, np.array([False, True]))
+    for kept, part in zip(before, after, strict=True):
+        np.testing.assert_array_equal(part[0], kept[0])
+    np.testing.assert_array_equal(after.x, before.x)
+    assert after.mu[1].tolist() == [0.5, 0.5]
+    speed, pull = c.start.lateral_speed_mps / 50.0, c.start.acceleration_mps2
+    noise = np.diag(c.noise.covariance)
+    expected = [noise[0], noise[1], pull**2, noise[2], speed**2, (pull / 50.0) ** 2]
+    for P in after.P[1]:
+        np.testing.assert_allclose(P, np.diag(expected))
