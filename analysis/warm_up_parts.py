@@ -144,7 +144,7 @@ def leaders() -> None:
     none = Detections(nobody, no, no, no, nobody)
     sensor = sensor_motion(at_rest(1), 0.0)
     _, better = closing.step(closing.init(), found, none, sensor, seen, warned.inside, 0.1)
-    targets, options = collision.targets_from(better, no), collision.Collision()
+    targets, options = collision.targets_from(better, no, seen.track_id), collision.Collision()
     known = MotionEstimate(*(still,) * 10, np.zeros(1, np.int8))
     collision.step(warned, targets, known, still, still, still, options)
     collision.time_by_tracks(found, row, still, options)

@@ -13,7 +13,7 @@ from plugin.lane.hidden import Bodies
 from plugin.motion.estimate import MotionEstimate
 from plugin.tracking.closing import ClosingFilter, ClosingState
 from plugin.tracking.detections import Detections, EgoMotion, sensor_motion
-from plugin.tracking.rear_view import RearView, Watched, watch
+from plugin.tracking.rear_view import NOBODY, RearView, Watched, watch
 from plugin.tracking.tracker import Tracker, TrackerSettings, TrackerState, TrackList
 from plugin.warning import collision
 from plugin.warning.collision import Collision, CollisionState, CollisionWarning, InPath
@@ -57,7 +57,7 @@ class Echo(NamedTuple):
     in_path: InPath  # (T,)
     warning: CollisionWarning  # (n,)
     track_ttc_s: Array  # (n,) to the warning's target by its track alone
-    watched: Watched  # the target's rear in the next frame, (n,)
+    watched: Watched  # the rear of the nearest body in path in the next frame, (n,)
     objects: Objects  # truth from here on: bodies that reach into the field of view, (n, M)
     seen: Sightings  # (n, M)
     behind: ScanTruth  # (n, D)
@@ -118,7 +118,7 @@ class Ranging:
         """Scan, track and warn, for n > 0 vehicles.
 
         `motion` is the observer's estimate, `readings` are those of the vehicle's own sensors, `rear` is what
-        the camera saw of the target. The truth is for the radar synthesiser alone.
+        the camera saw of the body watched. The truth is for the radar synthesiser alone.
         """
         objects = objects_in_view(self._radar, truth, snapshot, self._roadside)
         own = OwnMotion(truth.speed_mps, truth.lateral_speed_mps, truth.yaw_rate_rps)
@@ -145,7 +145,7 @@ class Ranging:
                 leaders, tracks, detections, sensor_motion(ego, self._mount_m), rear, state.collision.inside,
                 STEP_S,
             )  # fmt: skip
-        targets = collision.targets_from(followed, tracker.tracks.unseen_s)
+        targets = collision.targets_from(followed, tracker.tracks.unseen_s, rear.track_id)
         warned, warning, in_path = collision.step(
             state.collision,
             targets,
@@ -158,22 +158,21 @@ class Ranging:
         after = RangingState(state.radar_key, state.scan + 1, warned)
         place = flat.owner, flat.column
         alone = collision.time_by_tracks(tracks, warning.row, ego.speed_mps, self._collision)
-        watched = self._next_rears(followed, warning, ego, rear)
+        watched = self._next_rears(followed, warning.nearest, ego, rear)
         return (
             after,
             Tracked(tracker, leaders),
             Echo(tracks, in_path, warning, alone, watched, objects, seen, behind, place),
         )
 
-    def _next_rears(
-        self, tracks: TrackList, warning: CollisionWarning, ego: EgoMotion, rear: RearView
-    ) -> Watched:
-        """The targets' rears at their places in the next frame."""
+    def _next_rears(self, tracks: TrackList, nearest: Array, ego: EgoMotion, rear: RearView) -> Watched:
+        """The rears of the tracks `nearest` (n,), -1 for none, at their places in the next frame."""
         x, y, next_x, next_y = kernels.rears(
-            tracks.estimate, warning.row, ego.speed_mps, ego.yaw_rate_rps, STEP_S
+            tracks.estimate, nearest, ego.speed_mps, ego.yaw_rate_rps, STEP_S
         )
         turn = ego.yaw_rate_rps * STEP_S
-        return watch(warning.track_id, (x, y), (next_x, next_y), rear, turn, self._projection)
+        track_id = np.append(tracks.track_id, NOBODY)[nearest]
+        return watch(track_id, (x, y), (next_x, next_y), rear, turn, self._projection)
 
 
 def bodies_ahead(tracks: TrackList, unseen_s: Array, speed_mps: Array, yaw_rate_rps: Array) -> Bodies:

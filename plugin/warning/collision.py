@@ -83,6 +83,18 @@ class Collision:
         le=100,
         description="and, beyond `guess_reach_s`, only after this many steps in a row in the path",
     )
+    sightings: int = Field(
+        2,
+        ge=0,
+        le=100,
+        description="within `sight_m` such an object becomes a target only when the camera saw a vehicle's "
+        "rear there in this many frames, or …",
+    )
+    sight_m: float = Field(50.0, ge=0, description="distance within which the camera sees nearly all rears")
+    unsighted_reach_s: float = Field(1.0, ge=0, description="… it is within this time at the own speed, or …")
+    sight_proof_s: float = Field(
+        60.0, ge=0, description="… the camera has not seen any rear for so long: it may be too dark"
+    )
     curvature_doubt_1pm: float = Field(
         1e-4,
         ge=0,
@@ -178,16 +190,19 @@ class Targets(NamedTuple):
     detected: Array  # bool: in this step
     usable: Array  # bool: confirmed, not oncoming, detected lately
     standing: Array  # bool: never seen moving
+    sighted: Array  # bool: the camera sees the rear of a vehicle there in this frame
 
 
-def targets_from(tracks: TrackList, unseen_s: Array, latest_s: float = 0.25) -> Targets:
+def targets_from(tracks: TrackList, unseen_s: Array, sighted_id: Array, latest_s: float = 0.25) -> Targets:
     """The tracker's list as targets; unseen_s (T,) is `TrackerState.tracks.unseen_s`, in the same order.
+
+    sighted_id (n,) int64 : the track whose rear the camera of each vehicle sees in this frame, -1 for none.
 
     Left out are tracks that are tentative, oncoming (or were so before they stopped), or not detected for
     longer than `latest_s`: those of vehicles just passed drift into the path while they coast.
     """
     e = tracks.estimate
-    kinds = kernels.kinds(tracks.motion_state, tracks.detection, tracks.confirmed, unseen_s, latest_s)
+    kinds = kernels.kinds(tracks, unseen_s, sighted_id, latest_s)
     return Targets(
         tracks.owner,
         tracks.track_id,
@@ -211,6 +226,8 @@ class CollisionState(NamedTuple):
     danger_hits: Array
     inside: Array  # (n, REMEMBERED) int64, ids of the tracks where the path is, else -1
     waited: Array  # (n, REMEMBERED) int64, for how many steps in a row
+    sightings: Array  # (n, REMEMBERED) int64, how often the camera has seen their rears since
+    unsighted_s: Array  # since the camera saw any rear
 
 
 class CollisionWarning(NamedTuple):
@@ -220,6 +237,7 @@ class CollisionWarning(NamedTuple):
     level: Array  # int8: 0 none, 1 reminder, 2 danger
     started: Array  # int8, the level, in the step in which it begins
     row: Array  # int64, the target among the tracks given, -1 for none
+    nearest: Array  # int64, the nearest of these where the path is, be it a target or not, -1 for none
     track_id: Array  # int64, the target, -1 for none
     gap_m: Array  # bumper to bumper
     relative_mps: Array  # the target's speed minus the own, negative when closing
@@ -254,6 +272,10 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
             o.stationary_reach_s,
             o.stationary_furthest_m,
             o.stationary_steps,
+            o.sightings,
+            o.sight_m,
+            o.unsighted_reach_s,
+            o.sight_proof_s,
             o.curvature_doubt_1pm,
             o.lost_reach_s,
             o.bumper_m,
@@ -288,9 +310,11 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
 
 def init(n: int) -> CollisionState:
     """n vehicles without a warning."""
-    inside, waited = np.full((n, REMEMBERED), kernels.NONE, np.int64), np.zeros((n, REMEMBERED), np.int64)
-    since, hits = np.full((2, n), np.inf), np.zeros((2, n), np.int64)
-    return CollisionState._make([np.zeros(n, bool), np.zeros(n, np.int8), *since, *hits, inside, waited])
+    inside = np.full((n, REMEMBERED), kernels.NONE, np.int64)
+    waited, sightings = np.zeros((2, n, REMEMBERED), np.int64)
+    (*since, unsighted), hits = np.full((3, n), np.inf), np.zeros((2, n), np.int64)
+    remembered = inside, waited, sightings, unsighted
+    return CollisionState._make([np.zeros(n, bool), np.zeros(n, np.int8), *since, *hits, *remembered])
 
 
 def step(
@@ -337,5 +361,7 @@ def time_by_tracks(tracks: TrackList, row: Array, speed_mps: Array, options: Col
 
 def _blank(n: int) -> CollisionWarning:
     codes, numbers, lamps = np.zeros((4, n), np.int8), np.empty((8, n)), np.zeros((2, n), np.bool_)
-    row, track_id = np.full((2, n), kernels.NONE, np.int64)
-    return CollisionWarning._make([*codes[:3], row, track_id, *numbers[:6], *lamps, codes[3], *numbers[6:]])
+    row, nearest, track_id = np.full((3, n), kernels.NONE, np.int64)
+    return CollisionWarning._make(
+        [*codes[:3], row, nearest, track_id, *numbers[:6], *lamps, codes[3], *numbers[6:]]
+    )

@@ -24,6 +24,10 @@ class PathNumbers(NamedTuple):
     stationary_reach: float  # s
     stationary_furthest: float  # m
     stationary_steps: int
+    sightings: int
+    sight: float  # m
+    unsighted_reach: float  # s
+    proof: float  # s
     doubt: float  # 1/m
     lost_reach: float  # s
     bumper: float  # m
@@ -79,17 +83,20 @@ def road_offset(x, y, offset, heading, curvature, rate, reach):  # type: ignore[
 
 
 @kernel
-def kinds(motion_state, detection, confirmed, unseen, latest):  # type: ignore[no-untyped-def]
-    """Of tracks (T,): detected now; usable as a target, lately seen and not oncoming; never seen moving."""
-    tracks = len(detection)
-    detected, usable = np.empty(tracks, np.bool_), np.empty(tracks, np.bool_)
-    standing = np.empty(tracks, np.bool_)
-    for t in range(tracks):
-        state = motion_state[t]
-        detected[t] = detection[t] >= 0
-        usable[t] = confirmed[t] and unseen[t] <= latest and state not in (ONCOMING, STOPPED_ONCOMING)
+def kinds(tracks, unseen, sighted_id, latest):  # type: ignore[no-untyped-def]
+    """Of tracks (TrackList): detected now; usable as a target, lately detected and not oncoming; never seen
+    moving; sighted, which the camera of vehicle i did with its track sighted_id[i] (n,).
+    """
+    count = len(tracks.owner)
+    detected, usable = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    standing, sighted = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    for t in range(count):
+        state = tracks.motion_state[t]
+        detected[t] = tracks.detection[t] >= 0
+        usable[t] = tracks.confirmed[t] and unseen[t] <= latest and state not in (ONCOMING, STOPPED_ONCOMING)
         standing[t] = state in (STATIONARY, UNCLASSIFIED)
-    return detected, usable, standing
+        sighted[t] = sighted_id[tracks.owner[t]] == tracks.track_id[t]
+    return detected, usable, standing, sighted
 
 
 @kernel
@@ -120,12 +127,24 @@ def _between(d, end):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def in_path(tracks, motion, speed, yaw_rate, p, was, waited, now, waits, inside, offset):  # type: ignore[no-untyped-def]
+def sighted_lately(tracks, unsighted, step, now):  # type: ignore[no-untyped-def]
+    """Time since the cameras of n vehicles have seen any rear: unsighted (n,) s, a step ago, into `now`."""
+    for i in range(unsighted.size):
+        now[i] = unsighted[i] + step
+    for t in range(tracks.owner.size):
+        if tracks.sighted[t]:
+            now[tracks.owner[t]] = 0.0
+
+
+@kernel
+def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, offset):  # type: ignore[no-untyped-def]
     """Which tracks are in path, into inside (T,) bool, and how far from its middle, offset (T,).
 
-    was (n, K) int64 : ids of the tracks that were where the path is, for the hysteresis, and for how many
-    steps, `waited`; those that are go into `now` (n, K), which is -1 before, and `waits`.
+    state, new (CollisionState) : of it the tracks that were where the path is, for how many steps, and how
+    often they were sighted; those that are go into `new`, with `inside` -1 before. nearest (n,) int64, -1
+    before : the row of the nearest of them, whether it counts or not.
     """
+    now, waits, sights = new.inside, new.waited, new.sightings
     for t in range(tracks.owner.size):
         i = tracks.owner[t]
         inside[t], offset[t] = False, math.nan
@@ -153,10 +172,10 @@ def in_path(tracks, motion, speed, yaw_rate, p, was, waited, now, waits, inside,
             half = p.half_lane
             d = road_offset(x, y, 0.0, 0.0, bend, 0.0, p.road_reach)
         offset[t] = d
-        steps = 0
-        for k in range(was.shape[1]):
-            if was[i, k] == tracks.track_id[t]:
-                steps = waited[i, k]
+        steps, sighted = 0, int(tracks.sighted[t])
+        for k in range(state.inside.shape[1]):
+            if state.inside[i, k] == tracks.track_id[t]:
+                steps, sighted = state.waited[i, k], sighted + state.sightings[i, k]
         known = steps > 0
         doubt = 0.5 * p.doubt * x * x  # how far off a wrong curvature puts the lane there
         close = x <= p.guess_reach * speed[i]
@@ -171,13 +190,23 @@ def in_path(tracks, motion, speed, yaw_rate, p, was, waited, now, waits, inside,
             inside[t] = x <= p.lost_reach * speed[i]
         if not inside[t]:
             continue
+        if nearest[i] == NONE or x < tracks.x_m[nearest[i]]:
+            nearest[i] = t
+        if tracks.standing[t]:
+            # A path that swings for a moment meets posts far ahead; one straight on meets those at corners,
+            # where a camera that has proved to see vehicles sees none.
+            inside[t] = close or steps + 1 >= p.stationary_steps
+            inside[t] = inside[t] and x <= min(p.stationary_reach * speed[i], p.stationary_furthest)
+            looked = x <= p.sight and x - p.bumper > p.unsighted_reach * speed[i]
+            if looked and new.unsighted_s[i] <= p.proof and sighted < p.sightings:
+                inside[t] = False
+            elif inside[t]:
+                sighted = p.sightings  # it stays a target
         for k in range(now.shape[1]):
             if now[i, k] == NONE:
                 now[i, k], waits[i, k] = tracks.track_id[t], steps + 1
+                sights[i, k] = min(sighted, p.sightings)
                 break
-        if tracks.standing[t]:  # a path that swings for a moment meets posts, far ahead
-            inside[t] = close or steps + 1 >= p.stationary_steps
-            inside[t] = inside[t] and x <= min(p.stationary_reach * speed[i], p.stationary_furthest)
 
 
 @kernel
@@ -265,6 +294,6 @@ def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: igno
 @kernel
 def warn(state, tracks, motion, speed, acceleration, yaw_rate, path, c, new, out, inside, offset):  # type: ignore[no-untyped-def]
     """`in_path`, then `step`: of n vehicles with tracks (Targets), by PathNumbers and CollisionNumbers."""
-    was, now = (state.inside, state.waited), (new.inside, new.waited)
-    in_path(tracks, motion, speed, yaw_rate, path, *was, *now, inside, offset)
+    sighted_lately(tracks, state.unsighted_s, c.step, new.unsighted_s)
+    in_path(tracks, motion, speed, yaw_rate, path, state, new, out.nearest, inside, offset)
     step(state, tracks, inside, speed, acceleration, c, new, out)

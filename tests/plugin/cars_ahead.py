@@ -36,11 +36,13 @@ def targets(*rows: dict[str, float]) -> Targets:
         "detected": 1,
         "usable": 1,
         "standing": 0,
+        "sighted": 0,
     }
     full = [blank | {"track_id": k} | row for k, row in enumerate(rows)]
     for row in full:
         row["x_m"] = row.pop("gap") + 1.6 if "gap" in row else row["x_m"]
-    kinds = {"owner": np.int64, "track_id": np.int64, "detected": bool, "usable": bool, "standing": bool}
+    kinds = {"owner": np.int64, "track_id": np.int64}
+    kinds |= dict.fromkeys(("detected", "usable", "standing", "sighted"), bool)
     return Targets(
         *(np.array([row[name] for row in full], kinds.get(name, float)) for name in Targets._fields)
     )

@@ -136,7 +136,7 @@ def fleet(n: int, seed: int = 3) -> tuple[Targets, MotionEstimate, np.ndarray, n
     found = Targets(
         owner, track, rng.uniform(5, 90, size), rng.uniform(-4, 4, size), rng.uniform(0, 35, size),
         np.zeros(size), rng.uniform(-6, 2, size), rng.random(size) < 0.9,
-        rng.random(size) < 0.9, rng.random(size) < 0.1,
+        rng.random(size) < 0.9, rng.random(size) < 0.1, rng.random(size) < 0.5,
     )  # fmt: skip
     lane = motion(
         n,
@@ -175,8 +175,9 @@ def test_slices_and_order_of_tracks_change_nothing() -> None:
     part = select(found, mine)._replace(owner=found.owner[mine] - 20)
     cut = slice(20, 45)
     state_part, warning, path_part = play(part, select(lane, cut), v[cut], a[cut], yaw_rate[cut])
-    rows = np.where(warning.row >= 0, warning.row + np.flatnonzero(mine)[0], -1)  # among all tracks
-    expected = (*state_part, *warning._replace(row=rows))
+    first = np.flatnonzero(mine)[0]  # among all tracks
+    row, nearest = (np.where(one >= 0, one + first, -1) for one in (warning.row, warning.nearest))
+    expected = (*state_part, *warning._replace(row=row, nearest=nearest))
     for x, y in zip((*select(state, cut), *select(whole, cut)), expected, strict=True):
         np.testing.assert_array_equal(x, y)
     np.testing.assert_array_equal(path.inside[mine], path_part.inside)
@@ -194,12 +195,13 @@ def test_targets_are_confirmed_tracks_detected_lately_that_do_not_come_towards_u
     listed = TrackList(
         count, count + 3, count - 9, count != 3, np.array([0, 1, 2, 3, -1]), state, 0 * count, estimate
     )
-    found = targets_from(listed, np.array([0.0, 0.0, 0.0, 0.0, 0.4]))
+    found = targets_from(listed, np.array([0.0, 0.0, 0.0, 0.0, 0.4]), np.array([-1, 4, 4, 4, 7]))
     assert found.usable.tolist() == [True, False, True, False, False]
     assert found.standing.tolist() == [False, False, True, False, False]
     assert found.detected.tolist() == [True, True, True, True, False]
+    assert found.sighted.tolist() == [False, True, False, False, True]
     assert found.x_m.tolist() == [3.0, 13.0, 23.0, 33.0, 43.0]
-    assert targets_from(listed, np.full(5, 0.2)).usable[4]
+    assert targets_from(listed, np.full(5, 0.2), np.full(5, -1)).usable[4]
 
 
 def test_nobody_ahead_and_no_vehicles() -> None:

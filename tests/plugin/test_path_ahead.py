@@ -170,3 +170,46 @@ def test_what_never_moved_counts_once_it_has_been_in_the_path_for_some_steps_or_
     # the steps count from where it comes into the path, not from where it is near enough to be warned of
     driver = Driver()
     assert [driver.step(far | {"gap": gap})[1].inside[0] for gap in (100.0, 97.0, 94.0, 91.0, 88.0)][-1]
+
+
+def test_posts_behind_a_corner_are_no_vehicles_for_a_camera_that_sees_vehicles() -> None:
+    """A path straight on meets them where a street ends, in a scenario of Bologna."""
+    post = {"gap": 35.0, "vx_mps": 0.0, "standing": 1, "track_id": 7}
+    car = post | {"sighted": 1}
+    proved, slow = {"gap": 45.0, "sighted": 1}, {"v": 15.0}
+    driver = Driver()
+    driver.step(proved, **slow)
+    assert not any(driver.step(post, **slow)[1].inside[0] for _ in range(20))
+    assert [driver.step(one, **slow)[1].inside[0] for one in (car, post, car, post)] == [
+        False,
+        False,
+        True,
+        True,
+    ]
+    assert not driver.step(post | {"y_m": 3.0}, **slow)[1].inside[0]
+    assert not driver.step(car, **slow)[1].inside[0]  # from the beginning
+    assert driver.step(post | {"gap": 14.0}, **slow)[1].inside[0]  # too near to wait
+
+
+def test_what_never_moved_counts_for_a_camera_that_may_be_blind_and_beyond_its_reach() -> None:
+    post, slow = {"gap": 35.0, "vx_mps": 0.0, "standing": 1, "track_id": 7}, {"v": 15.0}
+    proved = {"gap": 45.0, "sighted": 1}
+    assert Driver().warn(post, steps=5, **slow).row[0] == 0  # it has never seen a vehicle
+    driver = Driver(sight_proof_s=0.5)
+    driver.step(proved, **slow)
+    assert [driver.step(post, **slow)[1].inside[0] for _ in range(6)][3:] == [False, False, True]
+    driver = Driver()  # at 30 m/s it counts from 90 m on, and does not cease to where the camera would see it
+    driver.step(proved)
+    assert [driver.step(post | {"gap": 83.0 - 3.0 * k})[1].inside[0] for k in range(18)][4:] == [True] * 14
+
+
+def test_camera_looks_at_the_nearest_body_in_path_before_it_counts() -> None:
+    post, car = {"gap": 40.0, "vx_mps": 0.0, "standing": 1}, {"gap": 60.0}
+    driver = Driver()
+    driver.step(car | {"sighted": 1})
+    warning, _ = driver.step(post, car)
+    assert (warning.nearest[0], warning.row[0]) == (0, 1)
+    warning, _ = driver.step(post | {"y_m": 4.0}, car)
+    assert (warning.nearest[0], warning.row[0]) == (1, 1)
+    warning, _ = driver.step(post | {"y_m": 4.0})
+    assert (warning.nearest[0], warning.row[0]) == (-1, -1)
