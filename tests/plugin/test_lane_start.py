@@ -7,8 +7,9 @@ from drawn_road import draw
 from camera_synth.camera import Camera, projection
 from plugin.lane import refine
 from plugin.lane.evidence import most_support, support_of
+from plugin.lane.follow import Frame
 from plugin.lane.hidden import nothing_hidden
-from plugin.lane.lane_start import room_for, start
+from plugin.lane.lane_start import Given, room_for, start
 from plugin.lane.refine_fit import workspace
 from plugin.lane.road_model import HEADING, OFFSET, STATES, rows_to_read
 
@@ -24,24 +25,8 @@ def found(frame, least, followed=None):
     work.hidden[:] = nothing_hidden(1)[0]
     p, room = projection(CAMERA), room_for(len(ROWS))
     followed = room.nowhere if followed is None else followed
-    support = start(
-        frame,
-        NONE,
-        NONE,
-        np.bool_(False),
-        0.0,
-        ROWS,
-        p,
-        25.0,
-        np.nan,
-        least,
-        followed,
-        TUNING,
-        work,
-        room,
-        x,
-        P,
-    )
+    seen, unknown = Frame(frame, 25.0, np.nan), Given(np.bool_(False), NONE, NONE)
+    support = start(seen, unknown, 0.0, least, followed, ROWS, p, TUNING, work, room, x, P)
     return support, x, P, work, np.count_nonzero(room.score)
 
 
