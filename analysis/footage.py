@@ -183,7 +183,8 @@ def _open_video(path: Path) -> Any:
 
 
 def _recorded(index: int, step_s: float, picture: Array) -> Recorded:
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    # the brightest channel: by its luminance, yellow paint is as grey as concrete
+    grey = np.asarray(cv2.max(cv2.max(picture[..., 0], picture[..., 1]), picture[..., 2]))
     height, width = grey.shape
     if (width, height) != (WIDTH_PX, HEIGHT_PX):
         # shrink by area averaging, so that thin far markings keep their share of the pixels

@@ -91,6 +91,20 @@ def test_a_picture_without_a_lane_gives_empty_fields(tmp_path):
     assert (tmp_path / "seen.png").exists()
 
 
+def test_yellow_lines_on_concrete_are_seen(tmp_path):
+    painted = (draw((1.9, -1.7), noise=0.0).astype(float) - 90.0) / 110.0
+    concrete, yellow = np.array([178.0, 184.0, 186.0]), np.array([105.0, 190.0, 220.0])  # BGR, equally grey
+    picture = concrete + np.clip(painted, 0.0, 1.0)[..., None] * (yellow - concrete)
+    picture += np.random.default_rng(0).normal(0.0, 3.0, picture.shape)
+    file = tmp_path / "road.png"
+    cv2.imwrite(str(file), np.clip(picture, 0, 255).astype(np.uint8))
+    detect(file, Camera(), tmp_path / "out")
+    (row,) = table(tmp_path / "out" / "lanes.csv")
+    assert row["lane_locked"] == "1"
+    assert float(row["lateral_offset_m"]) == pytest.approx(-0.1, abs=0.05)
+    assert float(row["lane_width_m"]) == pytest.approx(3.6, abs=0.05)
+
+
 DRIFT_MPS, SPEED_MPS = 0.5, 25.0
 CROSSING_S = (
     0.5 * (3.75 - Vehicle().wheel_span_m) - Vehicle().front_axle_m * DRIFT_MPS / SPEED_MPS
