@@ -6,7 +6,8 @@ _ROWS = {
     "steps": "an equipped vehicle at one step of 0.1 s",
     "predictions": "an equipped vehicle at one step and one horizon (0.5, 1, 1.5 or 2 s)",
     "warnings": "a warning",
-    "tracks": "a confirmed radar track at one step",
+    "tracks": "a confirmed radar track at one step (of roadside objects and clutter, one step in "
+    "`recording.roadside_every`, 10 by default)",
     "conflicts": "a true rear-end conflict of an equipped vehicle with its leader",
     "departures": "a true crossing of a border by the outer edge of a front wheel",
     "runs": "a run",
@@ -23,6 +24,28 @@ versions may add columns.
 `plugin.record.read_table("out", "steps")` reads either format, also of interrupted runs, into a DataFrame
 with these types. pandas' own `read_csv` takes a vehicle called `7` for a number and one called `NaN` for an
 empty cell.
+
+## Keys
+
+| table | key |
+|---|---|
+| `steps` | `run_id`, `vehicle_id`, `time_s` |
+| `predictions` | the same and `horizon_s` |
+| `tracks` | the same and `track_id` |
+| `conflicts`, `departures`, `warnings` | `run_id`, `vehicle_id` and the time of the event |
+
+Times can be compared exactly: `start_s` and `end_s` of `warnings` and `conflicts` are a `time_s` of `steps`;
+`crossing_s` of `departures` lies between two. `target_id` is SUMO's id of any vehicle, equipped or not.
+Runs of the same scenario and seed have the same `run_id`, whatever their settings: in a campaign, add the
+run's folder.
+
+```python
+from plugin.record import read_table
+
+steps, tracks = read_table("out", "steps"), read_table("out", "tracks")
+keys = ["run_id", "vehicle_id", "time_s"]
+targets = steps.merge(tracks, left_on=[*keys, "fcw_track_id"], right_on=[*keys, "track_id"])
+```
 """
 
 

@@ -201,8 +201,11 @@ def _read_csv(csv: Path, schema: pa.Schema) -> pa.Table:
 
 
 def to_pandas(table: pa.Table) -> pd.DataFrame:
-    """A DataFrame in which empty cells are pandas' own missing value also for booleans and text."""
+    """A DataFrame in which empty cells are pandas' own missing value also for booleans, text and numbers."""
     frame: pd.DataFrame = table.to_pandas(types_mapper={pa.bool_(): pd.BooleanDtype()}.get)
+    for field in table.schema:
+        if pa.types.is_integer(field.type) and table[field.name].null_count:  # a float column until here
+            frame[field.name] = frame[field.name].astype(pd.Int64Dtype())
     return frame
 
 

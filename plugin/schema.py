@@ -32,7 +32,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         _RUN,
         _TIME,
         _VEHICLE,
-        _text("lane_id", "SUMO's lane"),
+        _text("lane_id", "SUMO's lane, which changes before or after the marked lane that the vehicle is in"),
         Column("speed_mps", "speed", decimals=3),
         Column(
             "true_lateral_offset_m", "centre of gravity, left of the centre of the marked lane that it is in"
@@ -73,7 +73,12 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("lateral_speed_mps", "estimate of v_y", decimals=5),
         Column("yaw_rate_rps", "estimate of the yaw rate", decimals=6),
         Column("steer_rad", "estimate of the front-wheel steer angle", decimals=6),
-        Column("tlc_s", "time to lane crossing on the predicted path; empty beyond the horizon", decimals=3),
+        Column(
+            "tlc_s",
+            "time to lane crossing on the predicted path; empty beyond the horizon; known up to 1 s after "
+            "the lane was last seen",
+            decimals=3,
+        ),
         _text("tlc_side", "side of that crossing: left or right"),
         Column("tlc_constant_velocity_s", "tlc_s of the baseline with constant lateral velocity", decimals=3),
         Column("tlc_constant_radius_s", "tlc_s of the baseline with constant turn radius", decimals=3),
@@ -88,7 +93,11 @@ TABLES: dict[str, tuple[Column, ...]] = {
         _flag("on_marked_road", "truth: the lane has a painted marking on both sides"),
         _flag("recognised", "both borders within 5 px/cosθ on 85 % of the rows where the marking is visible"),
         _flag("paper_recognised", "recognised by the published search, where it runs on the same frames"),
-        _text("fcw_state", "inactive, ready, reminder, danger, suppressed (the driver brakes)"),
+        _text(
+            "fcw_state",
+            "inactive, ready, reminder, danger, suppressed (the driver brakes: no sound, no red lamp; with "
+            "the yellow lamp on it is a reminder)",
+        ),
         Column("fcw_track_id", "the target: the nearest track in path, see `tracks`", "int"),
         Column("fcw_gap_m", "estimated gap to that track, bumper to bumper", decimals=2),
         Column("fcw_relative_speed_mps", "estimated relative speed; negative when closing", decimals=2),
@@ -102,7 +111,9 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("fcw_shown_relative_speed_mps", "relative speed on the driver's display", decimals=0),
         Column("true_gap_m", "true gap to the leader on SUMO's lane, bumper to bumper", decimals=3),
         Column(
-            "true_ttc_s", "true time to collision with that leader; empty where the gap opens", decimals=3
+            "true_ttc_s",
+            "true time to collision with that leader; empty unless the gap closes by 1 mm/s",
+            decimals=3,
         ),
         _flag(
             "true_leader_visible",

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
@@ -56,3 +57,15 @@ def test_a_finished_parquet_file_has_few_groups(tmp_path: Path) -> None:
     groups = [file.metadata.row_group(k).num_rows for k in range(file.metadata.num_row_groups)]
     assert groups == [GROUP_ROWS, GROUP_ROWS, GROUP_ROWS // 2]
     assert file.read()["value_m"].to_numpy().tolist() == np.repeat(np.arange(25.0), GROUP_ROWS // 10).tolist()
+
+
+def test_numbers_of_tracks_are_whole_also_beside_empty_cells(tmp_path: Path) -> None:
+    with_gap = pa.array([3, None], type=pa.int64())
+    for directory in (None, tmp_path):
+        recorder = Recorder("a", directory)
+        recorder.append("steps", {"vehicle_id": ["x", "y"], "fcw_track_id": with_gap})
+        recorder.close()
+        numbers = recorder.table("steps")["fcw_track_id"]
+        assert str(numbers.dtype) == "Int64"
+        assert numbers[0] == 3
+        assert pd.isna(numbers[1])
