@@ -6,6 +6,7 @@ SUMO, its memory and any crash end with the process.
 import json
 from pathlib import Path
 
+from analysis.campaign.store import Store
 from analysis.campaign.tally import TABLES, tally
 from analysis.simulate import simulate
 from plugin.record import read_table
@@ -29,4 +30,4 @@ def one(order: dict[str, object], folder: Path) -> None:
         if file.stem in TABLES and file.stem not in (*EVENTS, *order["keep"]):  # type: ignore[misc]
             file.unlink()
     summary = {"key": order["key"], "cell": order["cell"], "seed": order["seed"], "counts": counts}
-    (folder / "summary.json").write_text(json.dumps(summary, sort_keys=True), encoding="utf-8")
+    Store(folder).write_text("summary.json", json.dumps(summary, sort_keys=True))

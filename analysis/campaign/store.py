@@ -149,12 +149,15 @@ class Store:
         self.write_text(name, json.dumps(content, sort_keys=True, indent=1) + "\n")
 
     def write_text(self, name: str, text: str) -> None:
-        """Write a file completely or not at all."""
+        """Write a file completely or not at all. Raises OSError, which names the file."""
         place = f"{self._root}/{name}"
         part = f"{place}.part-{uuid.uuid4().hex}"
-        with self._fs.open(part, "w", encoding="utf-8", newline="") as file:
-            file.write(text)
-        self._fs.mv(part, place)
+        try:
+            with self._fs.open(part, "w", encoding="utf-8", newline="") as file:
+                file.write(text)
+            self._fs.mv(part, place)
+        except OSError as error:  # a full disk: Python names no file
+            raise OSError(error.errno or 0, error.strerror or str(error), place) from None
 
     def path(self, name: str) -> str:
         """Full path of a file of the directory, on its file system."""

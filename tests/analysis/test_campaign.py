@@ -190,6 +190,14 @@ def test_a_run_is_there_whole_or_not_at_all(tmp_path: Path, address: str) -> Non
     assert store.failures() == {}
 
 
+def test_a_full_disk_is_told_with_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = Store(tmp_path / "out")
+    full = lambda *_, **__: Path("/dev/full").open("w")  # noqa: E731, SIM115
+    monkeypatch.setattr(store._fs, "open", full)
+    with pytest.raises(OSError, match=r"No space left on device: '.*/out/rates.csv'"):
+        store.write_text("rates.csv", "text")
+
+
 def test_a_directory_is_refused_where_anything_that_matters_has_changed(tmp_path: Path) -> None:
     base = tmp_path / "mine.toml"
     base.write_text("duration_s = 3.0\n")
