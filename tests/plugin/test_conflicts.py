@@ -106,7 +106,7 @@ def leaders(handle: int, gap: float, closing: float) -> Leaders:
 
 def play(
     gaps: np.ndarray,
-    closing: float,
+    closing: float | np.ndarray,
     levels: np.ndarray,
     leader: int = 9,
     visible: bool = True,
@@ -115,8 +115,9 @@ def play(
     """One vehicle, 0.1 s a step."""
     book = ConflictBook()
     conflicts, warnings = [], []
-    for k, (gap, level) in enumerate(zip(gaps, levels, strict=True)):
-        truth = leaders(leader, gap, closing) if leader >= 0 else nobody(1)
+    rates = np.broadcast_to(closing, gaps.shape)
+    for k, (gap, rate, level) in enumerate(zip(gaps, rates, levels, strict=True)):
+        truth = leaders(leader, gap, rate) if leader >= 0 else nobody(1)
         t = round(0.1 * k, 1)
         book.add(
             t,
@@ -204,6 +205,45 @@ def test_a_body_ahead_that_brakes_hard_makes_a_warning_a_nuisance(braking: float
         book.add(round(0.1 * k, 1), np.array([4]), ahead, nobody(1), ahead if k > 2 else nobody(1), *ones)
     _, (warning,) = book.settle(np.inf, True)
     assert warning["outcome"] == outcome
+
+
+@pytest.mark.parametrize(("start", "outcome"), [(14, "nuisance"), (15, "false")])
+def test_an_approach_justifies_a_warning_for_half_a_second(start: int, outcome: str) -> None:
+    closing = np.where(np.arange(60) < 10, 3.0, -1.0)  # the last approach is at 0.9 s
+    levels = np.zeros(60, int)
+    levels[start : start + 10] = 1
+    _, (warning,) = play(np.full(60, 60.0), closing, levels)
+    assert warning["outcome"] == outcome
+
+
+@pytest.mark.parametrize(("pause", "conflicts"), [(9, 1), (12, 2)])
+def test_a_pause_of_a_second_ends_a_conflict(pause: int, conflicts: int) -> None:
+    gaps = np.full(100, 12.0)
+    gaps[40 : 40 + pause] = 50.0
+    found, _ = play(gaps, 5.0, np.zeros(100, int))
+    assert len(found) == conflicts
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "outcome", "warned", "lead"),
+    [
+        (0.5, 0.9, "nuisance", False, None),  # 4 s before the conflict, which begins at 5.1 s
+        (2.0, 2.3, "true", False, None),  # but 4 s before the decisive time, 6.1 s
+        (1.0, 5.0, "true", False, None),  # ends more than a second before it
+        (1.0, 5.2, "true", True, 5.1),
+        (6.2, 6.5, "true", False, -0.1),
+        (7.4, 7.8, "true", False, -1.3),  # half a second after the conflict's end at 7.0 s
+        (7.7, 7.9, "nuisance", False, None),
+    ],
+)
+def test_which_reminders_belong_to_a_conflict(
+    begin: float, end: float, outcome: str, warned: bool, lead: float | None
+) -> None:
+    t = np.arange(150) / 10
+    (row,), (warning,) = play(closing_in(), 5.0, ((t >= begin - 1e-9) & (t <= end + 1e-9)).astype(int))
+    assert warning["outcome"] == outcome
+    assert row["warned"] == warned
+    assert row["lead_time_s"] == (None if lead is None else pytest.approx(lead))
 
 
 def test_short_pause_does_not_split_a_conflict_and_hidden_leaders_are_told() -> None:
