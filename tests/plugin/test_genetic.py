@@ -26,6 +26,7 @@ from plugin.lane.genetic_kernels import (
     roulette_weights,
     search_border,
     spin,
+    stage_of,
     swapped_bits,
 )
 from plugin.lane.geometry import lane_estimate_from_borders
@@ -156,6 +157,11 @@ def test_roulette_gives_the_published_probabilities():
 
 
 # --- the search
+
+
+def test_stages_are_those_of_table_4():
+    """The first frame; frames 2 to 6; all later ones."""
+    assert [stage_of(age, PAPER.transition_frames) for age in range(8)] == [0, 1, 1, 1, 1, 1, 2, 2]
 
 
 @given(st.integers(0, 2**32), st.integers(0, 2), st.booleans())
