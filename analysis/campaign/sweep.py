@@ -1,7 +1,7 @@
 """Other warning thresholds without simulating again, from the stored times to crossing or collision.
 
 A warning begins when the time falls to the threshold, having been near it one step before, and ends
-`HYSTERESIS_S` above it, as in the run. The other rules of the run's warning (placement zone, one warning for
+`hysteresis_s` above it, as in the run. The other rules of the run's warning (placement zone, one warning for
 each approach) are left out, so that only the threshold is compared. True events are matched as in the run.
 """
 
@@ -12,15 +12,19 @@ import numpy as np
 import pandas as pd
 
 from analysis.campaign.store import Store
+from analysis.metrics import distance_km
+from analysis.rear_end import VISIBLE_S
 from analysis.statistics import per_100_km
+from plugin.conflicts import ConflictSettings
 from plugin.events import SIDE_NAMES, Departure, EventBook, LaneWarning, Matching
+from plugin.warning.collision import Collision
+from plugin.warning.departure import DepartureSettings
 from sumo_net.driver import CAUSES
 from sumo_net.settings import SettingsError
+from sumo_net.step import STEP_S
 
-HYSTERESIS_S, CONFIRM_S = 0.5, 0.4
-LEAST_SPEED_MPS = {"ldw": 11.1, "fcw": 2.8}
 NEEDED = {"ldw": ("steps", "departures"), "fcw": ("steps", "conflicts")}
-_EARLY_S, _AFTER_S = 4.0, 1.0  # a conflict this soon after a warning's start, or end, makes it true
+_LDW, _LDW_EVENTS, _FCW, _FCW_EVENTS = DepartureSettings(), Matching(), Collision(), ConflictSettings()
 _APPROACH_TTC_S = 10.0  # below this true time to collision, a warning without a conflict is a nuisance
 _SIDES = {name: side for side, name in SIDE_NAMES.items()}
 
@@ -46,7 +50,7 @@ def sweep(out: str, kind: str, values: Iterable[float]) -> pd.DataFrame:
         steps, events = (store.table(key, name) for name in NEEDED[kind])
         if steps is None or events is None:
             raise SettingsError(f"{out}: run {key} has no table steps: run the campaign with --keep steps")
-        km += float(steps["speed_mps"].sum()) * 1e-4
+        km += distance_km(steps)
         runs += 1
         judge = _judge_lane if kind == "ldw" else _judge_collision
         for k, value in enumerate(values):
@@ -76,9 +80,9 @@ def sweep(out: str, kind: str, values: Iterable[float]) -> pd.DataFrame:
 def _spells(time: pd.Series, value: pd.Series, threshold: float) -> Iterator[tuple[int, int]]:
     """(first, last) row of each warning of one vehicle with consecutive rows."""
     breaks = np.diff(time.to_numpy(), prepend=-np.inf) > 0.15
-    near = (value <= threshold + CONFIRM_S).to_numpy()
+    near = (value <= threshold + _LDW.confirm_s).to_numpy()
     low = (value <= threshold).to_numpy() & np.r_[False, near[:-1]] & ~breaks
-    high = (value <= threshold + HYSTERESIS_S).to_numpy()
+    high = (value <= threshold + _LDW.hysteresis_s).to_numpy()
     start = -1
     for i in range(len(low)):
         if start >= 0 and (breaks[i] or not high[i]):
@@ -93,17 +97,18 @@ def _spells(time: pd.Series, value: pd.Series, threshold: float) -> Iterator[tup
 def _judge_lane(
     steps: pd.DataFrame, departures: pd.DataFrame, threshold: float
 ) -> tuple[list[int], list[float]]:
-    book, number = EventBook(Matching()), itertools.count()
+    book, number = EventBook(_LDW_EVENTS), itertools.count()
     handles: dict[str, int] = {}
+    window = round(_LDW_EVENTS.drift_window_s / STEP_S)
     drift = steps["speed_mps"] * np.sin(steps["true_heading_error_rad"])
     drift += steps["true_lateral_speed_mps"] * np.cos(steps["true_heading_error_rad"])
-    usable = (steps["speed_mps"] >= LEAST_SPEED_MPS["ldw"]) & (steps["true_cause"] != "lane_change_signalled")
+    usable = (steps["speed_mps"] >= _LDW.least_speed_mps) & (steps["true_cause"] != "lane_change_signalled")
     for vehicle, rows in steps.assign(drift=drift, usable=usable).groupby("vehicle_id", observed=True):
         handle = handles.setdefault(str(vehicle), next(number))
         for name, side in _SIDES.items():
             value = rows["tlc_s"].where((rows["tlc_side"] == name) & rows["usable"])
             for first, last in _spells(rows["time_s"], value, threshold):
-                near = slice(max(first - 5, 0), first + 6)
+                near = slice(max(first - window, 0), first + window + 1)
                 book.warnings.append(
                     LaneWarning(
                         handle,
@@ -140,20 +145,21 @@ def _judge_collision(
 ) -> tuple[list[int], list[float]]:
     counts, leads = [0, 0, 0, 0], []
     decisive = conflicts["critical_s"].fillna(conflicts["end_s"])
-    due = conflicts.assign(decisive=decisive)[conflicts["visible_s"] >= 1.0]
+    due = conflicts.assign(decisive=decisive)[conflicts["visible_s"] >= VISIBLE_S]
     counts[0] = len(due)
-    usable = steps["speed_mps"] >= LEAST_SPEED_MPS["fcw"]
+    usable = steps["speed_mps"] >= _FCW.least_speed_mps
+    early_s, after_s, late_s = _FCW_EVENTS.early_s, _FCW_EVENTS.after_end_s, _FCW_EVENTS.late_s
     for vehicle, rows in steps.assign(usable=usable).groupby("vehicle_id", observed=True):
         time, value = rows["time_s"], rows["fcw_ttc_s"].where(rows["usable"])
         spells = [(float(time.iloc[a]), float(time.iloc[b]), a) for a, b in _spells(time, value, threshold)]
         mine = conflicts[conflicts["vehicle_id"] == vehicle]
         for start, end, a in spells:
-            reach = max(start + _EARLY_S, end + _AFTER_S)
-            if not ((mine["start_s"] <= reach) & (mine["end_s"] >= start - _AFTER_S)).any():
+            reach = max(start + early_s, end + after_s)
+            if not ((mine["start_s"] <= reach) & (mine["end_s"] >= start - late_s)).any():
                 near = rows["true_ttc_s"].iloc[a] < _APPROACH_TTC_S
                 counts[3 if near else 2] += 1
         for moment in due.loc[due["vehicle_id"] == vehicle, "decisive"]:
-            before = [s for s, e, _ in spells if s <= moment <= max(s + _EARLY_S, e + _AFTER_S)]
+            before = [s for s, e, _ in spells if s <= moment <= max(s + early_s, e + after_s)]
             if before:
                 counts[1] += 1
                 leads.append(float(moment) - max(before))

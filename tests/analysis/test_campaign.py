@@ -299,6 +299,11 @@ def test_a_sweep_of_collision_warnings_counts_due_conflicts() -> None:
     assert leads == pytest.approx([1.1], abs=0.051)
     counts, leads = _judge_collision(drifting(ttc), pd.DataFrame([conflict]), 1.5)
     assert (counts[:2], leads) == ([1, 0], [])
+    # a warning half a second after the conflict's end belongs to it, later ones do not, as in the run
+    for end_s, nuisance in ((12.4, 0), (12.2, 1)):
+        over = conflict | {"start_s": 11.0, "end_s": end_s, "critical_s": np.nan}
+        counts, _ = _judge_collision(drifting(ttc), pd.DataFrame([over]), 2.2)  # from 12.8 s on
+        assert counts == [1, 0, 0, nuisance]
 
 
 def test_the_share_of_no_events_is_not_zero(tmp_path: Path) -> None:
