@@ -92,8 +92,15 @@ class Collision:
     )
     sight_m: float = Field(50.0, ge=0, description="distance within which the camera sees nearly all rears")
     unsighted_reach_s: float = Field(1.0, ge=0, description="… it is within this time at the own speed, or …")
-    sight_proof_s: float = Field(
-        60.0, ge=0, description="… the camera has not seen any rear for so long: it may be too dark"
+    sight_share: float = Field(
+        0.35,
+        ge=0,
+        le=1,
+        description="… the camera sees a smaller share than this of moving vehicles' rears: it may be too "
+        "dark",
+    )
+    sight_memory_s: float = Field(
+        300.0, gt=0, description="time constant with which that share falls while there are none"
     )
     curvature_doubt_1pm: float = Field(
         1e-4,
@@ -227,7 +234,8 @@ class CollisionState(NamedTuple):
     inside: Array  # (n, REMEMBERED) int64, ids of the tracks where the path is, else -1
     waited: Array  # (n, REMEMBERED) int64, for how many steps in a row
     sightings: Array  # (n, REMEMBERED) int64, how often the camera has seen their rears since
-    unsighted_s: Array  # since the camera saw any rear
+    watched: Array  # int64, the moving track whose rear the camera looks for, -1 for none
+    sight_share: Array  # of such rears, how many it has seen lately, 0 to 1
 
 
 class CollisionWarning(NamedTuple):
@@ -275,7 +283,8 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
             o.sightings,
             o.sight_m,
             o.unsighted_reach_s,
-            o.sight_proof_s,
+            o.sight_share,
+            o.sight_memory_s / step_s,
             o.curvature_doubt_1pm,
             o.lost_reach_s,
             o.bumper_m,
@@ -312,8 +321,8 @@ def init(n: int) -> CollisionState:
     """n vehicles without a warning."""
     inside = np.full((n, REMEMBERED), kernels.NONE, np.int64)
     waited, sightings = np.zeros((2, n, REMEMBERED), np.int64)
-    (*since, unsighted), hits = np.full((3, n), np.inf), np.zeros((2, n), np.int64)
-    remembered = inside, waited, sightings, unsighted
+    since, hits = np.full((2, n), np.inf), np.zeros((2, n), np.int64)
+    remembered = inside, waited, sightings, np.full(n, kernels.NONE, np.int64), np.zeros(n)
     return CollisionState._make([np.zeros(n, bool), np.zeros(n, np.int8), *since, *hits, *remembered])
 
 

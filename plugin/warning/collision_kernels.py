@@ -12,6 +12,8 @@ from sumo_net.compile import kernel
 INACTIVE, READY, REMINDER, DANGER, SUPPRESSED = range(5)
 SILENT, CHIME, ALARM = range(3)
 NONE = -1
+_LOOKS = 20.0
+_SEEN_FROM_M = 10.0  # nearer bodies reach beyond the image
 
 
 class PathNumbers(NamedTuple):
@@ -27,7 +29,8 @@ class PathNumbers(NamedTuple):
     sightings: int
     sight: float  # m
     unsighted_reach: float  # s
-    proof: float  # s
+    sight_share: float
+    sight_memory: float  # steps
     doubt: float  # 1/m
     lost_reach: float  # s
     bumper: float  # m
@@ -127,13 +130,18 @@ def _between(d, end):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def sighted_lately(tracks, unsighted, step, now):  # type: ignore[no-untyped-def]
-    """Time since the cameras of n vehicles have seen any rear: unsighted (n,) s, a step ago, into `now`."""
-    for i in range(unsighted.size):
-        now[i] = unsighted[i] + step
+def sight_shares(tracks, watched, share, memory_steps, now):  # type: ignore[no-untyped-def]
+    """How often the cameras of n vehicles see the rears that they look at, (n,) 0 to 1, into `now`.
+
+    watched (n,) int64 : the track looked at, -1 for none that counts; share (n,) a step ago: a running mean
+    over _LOOKS looks that fades with a time constant of `memory_steps` without them.
+    """
+    for i in range(share.size):
+        now[i] = share[i] * (1.0 - 1.0 / (_LOOKS if watched[i] != NONE else memory_steps))
     for t in range(tracks.owner.size):
-        if tracks.sighted[t]:
-            now[tracks.owner[t]] = 0.0
+        i = tracks.owner[t]
+        if tracks.sighted[t] and tracks.track_id[t] == watched[i]:
+            now[i] += 1.0 / _LOOKS
 
 
 @kernel
@@ -194,11 +202,11 @@ def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, off
             nearest[i] = t
         if tracks.standing[t]:
             # A path that swings for a moment meets posts far ahead; one straight on meets those at corners,
-            # where a camera that has proved to see vehicles sees none.
+            # where a camera that sees other vehicles sees none.
             inside[t] = close or steps + 1 >= p.stationary_steps
             inside[t] = inside[t] and x <= min(p.stationary_reach * speed[i], p.stationary_furthest)
             looked = x <= p.sight and x - p.bumper > p.unsighted_reach * speed[i]
-            if looked and new.unsighted_s[i] <= p.proof and sighted < p.sightings:
+            if looked and new.sight_share[i] >= p.sight_share and sighted < p.sightings:
                 inside[t] = False
             elif inside[t]:
                 sighted = p.sightings  # it stays a target
@@ -294,6 +302,10 @@ def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: igno
 @kernel
 def warn(state, tracks, motion, speed, acceleration, yaw_rate, path, c, new, out, inside, offset):  # type: ignore[no-untyped-def]
     """`in_path`, then `step`: of n vehicles with tracks (Targets), by PathNumbers and CollisionNumbers."""
-    sighted_lately(tracks, state.unsighted_s, c.step, new.unsighted_s)
+    sight_shares(tracks, state.watched, state.sight_share, path.sight_memory, new.sight_share)
     in_path(tracks, motion, speed, yaw_rate, path, state, new, out.nearest, inside, offset)
+    for i in range(speed.size):
+        t = out.nearest[i]
+        if t != NONE and not tracks.standing[t] and _SEEN_FROM_M <= tracks.x_m[t] <= path.sight:
+            new.watched[i] = tracks.track_id[t]
     step(state, tracks, inside, speed, acceleration, c, new, out)

@@ -172,41 +172,46 @@ def test_what_never_moved_counts_once_it_has_been_in_the_path_for_some_steps_or_
     assert [driver.step(far | {"gap": gap})[1].inside[0] for gap in (100.0, 97.0, 94.0, 91.0, 88.0)][-1]
 
 
+SLOW = {"v": 15.0}
+POST = {"gap": 35.0, "vx_mps": 0.0, "standing": 1, "track_id": 7}
+
+
+def proved(share: float = 1.0, **options: float) -> Driver:
+    """A vehicle that has followed another for 10 s, whose rear its camera saw in a share of the frames."""
+    driver, seen = Driver(**options), 0.0
+    for _ in range(100):
+        seen += share
+        driver.step({"gap": 30.0, "sighted": int(seen >= 1.0)}, **SLOW)
+        seen %= 1.0
+    return driver
+
+
 def test_posts_behind_a_corner_are_no_vehicles_for_a_camera_that_sees_vehicles() -> None:
     """A path straight on meets them where a street ends, in a scenario of Bologna."""
-    post = {"gap": 35.0, "vx_mps": 0.0, "standing": 1, "track_id": 7}
-    car = post | {"sighted": 1}
-    proved, slow = {"gap": 45.0, "sighted": 1}, {"v": 15.0}
-    driver = Driver()
-    driver.step(proved, **slow)
-    assert not any(driver.step(post, **slow)[1].inside[0] for _ in range(20))
-    assert [driver.step(one, **slow)[1].inside[0] for one in (car, post, car, post)] == [
-        False,
-        False,
-        True,
-        True,
-    ]
-    assert not driver.step(post | {"y_m": 3.0}, **slow)[1].inside[0]
-    assert not driver.step(car, **slow)[1].inside[0]  # from the beginning
-    assert driver.step(post | {"gap": 14.0}, **slow)[1].inside[0]  # too near to wait
+    car = POST | {"sighted": 1}
+    driver = proved()
+    assert not any(driver.step(POST, **SLOW)[1].inside[0] for _ in range(20))
+    looks = [driver.step(one, **SLOW)[1].inside[0] for one in (car, POST, car, POST)]
+    assert looks == [False, False, True, True]
+    assert not driver.step(POST | {"y_m": 3.0}, **SLOW)[1].inside[0]
+    assert not driver.step(car, **SLOW)[1].inside[0]  # from the beginning
+    assert driver.step(POST | {"gap": 14.0}, **SLOW)[1].inside[0]  # too near to wait
 
 
 def test_what_never_moved_counts_for_a_camera_that_may_be_blind_and_beyond_its_reach() -> None:
-    post, slow = {"gap": 35.0, "vx_mps": 0.0, "standing": 1, "track_id": 7}, {"v": 15.0}
-    proved = {"gap": 45.0, "sighted": 1}
-    assert Driver().warn(post, steps=5, **slow).row[0] == 0  # it has never seen a vehicle
-    driver = Driver(sight_proof_s=0.5)
-    driver.step(proved, **slow)
-    assert [driver.step(post, **slow)[1].inside[0] for _ in range(6)][3:] == [False, False, True]
-    driver = Driver()  # at 30 m/s it counts from 90 m on, and does not cease to where the camera would see it
-    driver.step(proved)
-    assert [driver.step(post | {"gap": 83.0 - 3.0 * k})[1].inside[0] for k in range(18)][4:] == [True] * 14
+    assert Driver().warn(POST, steps=5, **SLOW).row[0] == 0  # it has never seen a vehicle
+    assert proved(0.2).warn(POST, steps=5, **SLOW).row[0] == 0  # it sees one now and then
+    assert proved(0.8).warn(POST, steps=5, **SLOW).row[0] == -1
+    driver = proved(sight_memory_s=5.0)
+    assert driver.warn(POST, steps=30, **SLOW).row[0] == -1
+    assert driver.warn(POST, steps=30, **SLOW).row[0] == 0  # forgotten: 35 % are left after 5.2 s
+    driver = proved()  # at 30 m/s it counts from 90 m on, and does not cease to where the camera would see it
+    assert [driver.step(POST | {"gap": 83.0 - 3.0 * k})[1].inside[0] for k in range(18)][4:] == [True] * 14
 
 
 def test_camera_looks_at_the_nearest_body_in_path_before_it_counts() -> None:
-    post, car = {"gap": 40.0, "vx_mps": 0.0, "standing": 1}, {"gap": 60.0}
-    driver = Driver()
-    driver.step(car | {"sighted": 1})
+    post, car = POST | {"gap": 40.0}, {"gap": 60.0}
+    driver = proved()
     warning, _ = driver.step(post, car)
     assert (warning.nearest[0], warning.row[0]) == (0, 1)
     warning, _ = driver.step(post | {"y_m": 4.0}, car)
