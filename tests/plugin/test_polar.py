@@ -54,10 +54,8 @@ def test_an_object_that_drives_straight_on_is_predicted_exactly(state, motion):
 @given(STATES, MOTIONS)
 def test_its_jacobian_is_that_of_small_differences(state, motion):
     r, rate, azimuth, turning = state
-    x = np.array([r, rate, 0.0, azimuth, turning, 0.0])
-    after, G = bent(x, motion)
-    if STRAIGHT[0] @ after < 3.0:  # passes close by
-        return
+    x = np.array([r + 15.0, rate, 0.0, azimuth, turning, 0.0])  # it stays ahead
+    _, G = bent(x, motion)
     for column, step in ((0, 1e-4), (1, 1e-4), (4, 1e-6)):
         up, down = x.copy(), x.copy()
         up[column] += step
