@@ -4,8 +4,8 @@ import numpy as np
 
 from analysis.drive import Drive
 from plugin.assistance import DriverAssistance
+from plugin.lane.detector import BORDER_Y
 from plugin.record import Recorder
-from plugin.vision import JUDGED_Y
 
 
 def last_step(adas: DriverAssistance, vehicle_id: str) -> Drive | None:
@@ -28,7 +28,7 @@ def last_step(adas: DriverAssistance, vehicle_id: str) -> Drive | None:
         camera=adas.configuration.camera,
         path_m=seen.path_m[None],
         border_px=seen.border_px[None],
-        border_rows=JUDGED_Y,
+        border_rows=BORDER_Y,
         bodies_m=seen.bodies_m[None],
         road_m=seen.road_m[None],
         road_kind=seen.road_kind[None],

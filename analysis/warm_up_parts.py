@@ -14,12 +14,12 @@ def lane() -> None:
     from camera_synth.camera import Camera, projection, vehicle_from_image
     from camera_synth.render import new_frames
     from plugin.lane import refine
-    from plugin.vision import JUDGED_Y
+    from plugin.lane.detector import BORDER_Y
 
     p = projection(Camera())
     vehicle_from_image(p.center_x, 1.0, p)
     state, _ = refine.step(new_frames(1), None, None, refine.init(1), p, np.zeros(1), refine.Refine())
-    refine.parabolas(state, refine.border_columns(state, JUDGED_Y, p), JUDGED_Y)
+    refine.parabolas(state, refine.border_columns(state, BORDER_Y, p), BORDER_Y)
 
 
 def picture() -> None:

@@ -67,7 +67,7 @@ def drive(scenario: str, condition: str, duration_s: float, seed: int) -> dict[s
     """Verdicts and seconds of all three on the frames of one run."""
     from analysis.simulate import simulate
     from plugin import vision
-    from plugin.lane import genetic, refine
+    from plugin.lane import detector, genetic, refine
 
     pipelines: dict[int, Hough] = {}
     seconds = {"refined": 0.0, "paper": 0.0, "hough": 0.0}
@@ -84,7 +84,7 @@ def drive(scenario: str, condition: str, duration_s: float, seed: int) -> dict[s
 
         return run
 
-    start = vision.Vision._start
+    start = detector.LaneTracker._search
 
     def starting(self: Any, *arguments: Any) -> Any:
         inside["search"] = "refined"  # a search that starts the refined chain counts as its cost
@@ -93,8 +93,8 @@ def drive(scenario: str, condition: str, duration_s: float, seed: int) -> dict[s
         finally:
             inside["search"] = "paper"
 
-    def looking(self: Any, frames: np.ndarray, state: Any, scene: Any, speed: np.ndarray, truth: Any) -> Any:
-        after, sight = look(self, frames, state, scene, speed, truth)
+    def looking(self: Any, frames: np.ndarray, state: Any, scene: Any, *rest: Any) -> Any:
+        after, sight = look(self, frames, state, scene, *rest)
         begin = time.process_time()
         lines = np.array(
             [
@@ -103,13 +103,13 @@ def drive(scenario: str, condition: str, duration_s: float, seed: int) -> dict[s
             ]
         )
         seconds["hough"] += time.process_time() - begin
-        columns = lines[:, :, :1] * vision.JUDGED_Y + lines[:, :, 1:]
-        verdict = self._judge(scene, state.looks, np.ascontiguousarray(columns), truth)
+        columns = lines[:, :, :1] * detector.BORDER_Y + lines[:, :, 1:]
+        verdict = self._judge(scene, state.looks, np.ascontiguousarray(columns), rest[-1])
         verdicts.append(np.stack([sight.recognised, sight.beside_recognised, verdict]))
         return after, sight
 
     vision.Vision._look = looking  # type: ignore[method-assign]
-    vision.Vision._start = starting  # type: ignore[method-assign]
+    detector.LaneTracker._search = starting  # type: ignore[method-assign]
     genetic.search, refine.step = timed(search, "search"), timed(step, "refined")
     with tempfile.TemporaryDirectory() as out:
         simulate(

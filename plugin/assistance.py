@@ -14,6 +14,7 @@ from plugin.chain import Chain, Moment, Outcome
 from plugin.compiled import compiled
 from plugin.configuration import Configuration, configuration_from, versions, write_configuration
 from plugin.fleet import Fleet
+from plugin.lane.detector import LaneDetector
 from plugin.reaction import Listeners
 from plugin.record import MOST_WAITING, Recorder
 from plugin.truth import Scorer
@@ -78,11 +79,14 @@ class DriverAssistance:
         threads: int | None = None,
         compare_paper: bool = False,
         watch: Watch | None = None,
+        detector: LaneDetector[Any] | None = None,
         scenario: str = "",
     ) -> None:
         """`network`: source of the smooth road, by default the network file that SUMO has loaded.
 
         `watch`: which vehicles' camera frames are kept, and where; default: `recording.frames`, in `out`.
+        `detector`: finds the lane in place of the one that `mode` names; configuration.json only
+        has the name of its class.
         `scenario`: its name, for configuration.json; empty in a loop of your own.
         """
         keep_freed_memory()
@@ -104,13 +108,13 @@ class DriverAssistance:
         self._choice = EquipmentChoice(configuration.equipment, seed)
         self._equipped = np.zeros(256, np.bool_)  # by handle
         self._last_handle = -1
-        self._chain = Chain(configuration, seed, self._roads, compare_paper)
+        self._chain = Chain(configuration, seed, self._roads, compare_paper, detector)
         self._names: dict[int, str] = {}  # of equipped vehicles, also those that left recently
         self._fleet = Fleet(self._chain, self._names.__getitem__, threads)
         self.recorder = Recorder(run_id, out, formats, aside=out is not None)
         if out is not None:
             capture.clear(out / capture.FRAMES)
-            write_configuration(out, configuration, run_id, scenario, compare_paper)
+            write_configuration(out, configuration, run_id, scenario, compare_paper, detector)
         self._capture = (
             None if self._watch is None else Capture(self._watch, self._chain.vision, configuration, run_id)
         )
@@ -143,7 +147,8 @@ class DriverAssistance:
         equip : share of the vehicles that are equipped; default: that of the settings.
         seed : of equipment, drivers and sensors.
         settings : a Configuration, a nested mapping with the same keys, or a TOML file.
-        options : `out`, `formats`, `run_id`, `threads`, `compare_paper`, `watch`, as for the class.
+        options : `out`, `formats`, `run_id`, `threads`, `compare_paper`, `watch`, `detector`, as for the
+            class.
 
         Raises TrafficError or SettingsError, before anything is changed.
         """

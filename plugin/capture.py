@@ -19,10 +19,11 @@ import numpy as np
 from camera_synth.render import new_frames
 from plugin.chain import Moment
 from plugin.configuration import Configuration
+from plugin.lane.detector import BORDER_Y
 from plugin.rear_end import RearEndScorer
 from plugin.record import Recorder
 from plugin.schema import TABLES
-from plugin.vision import JUDGED_Y, Vision
+from plugin.vision import Vision
 from sumo_net.batch import select
 from sumo_net.road_table import RoadAhead
 
@@ -48,7 +49,7 @@ class Look(NamedTuple):
 
     frame: Array  # (k, 240, 320) uint8
     path_m: Array  # (k, H, 2) predicted path: forward, left
-    border_px: Array  # (k, 2, R) columns of the left and right marking at JUDGED_Y; NaN: not seen that far
+    border_px: Array  # (k, 2, R) columns of the left and right marking at BORDER_Y; NaN: not seen that far
     bodies_m: Array  # (k, M, 5) truth: forward, left of the centre, heading, length, width; NaN for unused
     road_m: Array  # (k, B, J, 2) truth: forward, left of the painted lines; NaN for unused
     road_kind: Array  # (k, B, J) int8
@@ -152,7 +153,7 @@ class _Film:
             }
             times = np.array([time_s for time_s, _ in marks])
             np.savez_compressed(
-                self._folder / f"marks-{first:06}.npz", time_s=times, border_rows=JUDGED_Y, **columns
+                self._folder / f"marks-{first:06}.npz", time_s=times, border_rows=BORDER_Y, **columns
             )
 
 

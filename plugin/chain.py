@@ -13,6 +13,7 @@ from ego_synth.sensors import SensorState
 from plugin import step_columns
 from plugin.configuration import Configuration
 from plugin.ground_truth import Judge
+from plugin.lane.detector import LaneDetector
 from plugin.motion import observer, prediction
 from plugin.motion.estimate import Trajectory
 from plugin.own_motion import OwnSensors
@@ -72,13 +73,20 @@ class Outcome(NamedTuple):
 class Chain:
     """The chain with its settings; `step` once per 0.1 s. Holds no state of vehicles."""
 
-    def __init__(self, configuration: Configuration, seed: int, roads: RoadNetwork, beside: bool) -> None:
-        """`beside`: the published search also runs on every frame, for comparison."""
+    def __init__(
+        self,
+        configuration: Configuration,
+        seed: int,
+        roads: RoadNetwork,
+        beside: bool,
+        detector: LaneDetector[Any] | None = None,
+    ) -> None:
+        """`beside`: the published search also runs on every frame, for comparison. `detector`: see Vision."""
         self._vehicle = configuration.vehicle
         preview_m = configuration.camera.preview_m
         self._roads = roads
         self._own = OwnSensors(configuration, seed)
-        self.vision = Vision(configuration, seed, beside)
+        self.vision = Vision(configuration, seed, beside, detector)
         self._observing = observer.schedule(self._vehicle, preview_m, configuration.observing)
         self._predicting = prediction.predictor(self._vehicle, configuration.predicting)
         self._judge = Judge(self._vehicle, preview_m, self._predicting)

@@ -18,6 +18,7 @@ from camera_synth.condition import PRESETS, Condition, preset_settings
 from ego_synth.sensors import EgoSensors
 from plugin.conflicts import ConflictSettings
 from plugin.events import Matching
+from plugin.lane.detector import LaneDetector
 from plugin.lane.genetic import GeneticSearch
 from plugin.lane.geometry import Plausibility
 from plugin.lane.refine import Refine
@@ -134,13 +135,19 @@ class RunSettings(NamedTuple):
 
 
 def write_configuration(
-    directory: Path, configuration: Configuration, run_id: str, scenario: str, compare_paper: bool
+    directory: Path,
+    configuration: Configuration,
+    run_id: str,
+    scenario: str,
+    compare_paper: bool,
+    detector: LaneDetector[Any] | None = None,
 ) -> None:
     """Write the settings of a run beside its tables; `sumo-adas run DIR/configuration.json` repeats it."""
     content = {
         "run_id": run_id,
         "scenario": scenario,
         "compare_paper": compare_paper,
+        "detector": None if detector is None else type(detector).__name__,
         "configuration_hash": configuration.hash,
         "versions": versions(),
         "settings": dataclasses.asdict(configuration),

@@ -14,13 +14,11 @@ from camera_synth.pose import Pose
 from camera_synth.render import NO_TRUTH, new_frames, render
 from camera_synth.truth import BorderColumns, border_columns, new_border_columns
 from plugin.configuration import Configuration
-from plugin.lane import genetic, refine
+from plugin.lane.detector import BORDER_Y, Glance, LaneDetector, LaneTracker, PublishedSearch
 from plugin.lane.estimate import Borders, LaneEstimate
-from plugin.lane.genetic import SearchState, fitted_to, search_numbers
-from plugin.lane.geometry import lane_estimate_from_borders, marking_centres
+from plugin.lane.genetic import SearchState
 from plugin.lane.hidden import Bodies, hidden_by, nothing_hidden
-from plugin.lane.refine import LaneState
-from plugin.recognition_kernels import ROW_STEP, ROWS, judge
+from plugin.recognition_kernels import judge
 from plugin.tracking.rear_view import RearView, Watched, look, nobody_watched
 from sumo_net.batch import join, select
 from sumo_net.randomness import stream_key
@@ -30,7 +28,6 @@ from sumo_net.surroundings import Objects
 Array = np.ndarray[Any, Any]
 
 CHUNK = 64  # vehicles whose frames are in memory at once, which share the cost of each call
-JUDGED_Y = 1.0 + ROW_STEP * np.arange(ROWS)
 TOLERANCE_PX, SHARE = 5.0, 0.85
 _LEAST_REACH_M = 10.0
 _STRADDLING_M = 0.4  # this near to a border, either of its lanes counts as the own lane
@@ -55,8 +52,8 @@ class VisionState(NamedTuple):
     looks: Looks
     hidden: Array  # (n, BODIES, COLUMNS) what vehicles ahead hide, by the radar tracks of the last step
     watched: Watched  # the vehicle in path, by the same tracks
-    lane: LaneState  # default mode
-    search: SearchState  # the published search, in paper mode or to start the default mode
+    reach_m: Array  # (n,) how far ahead paint was seen lately
+    detector: Any  # its state
     beside: SearchState  # the published search on every frame, for comparison
 
 
@@ -65,7 +62,7 @@ class Sight(NamedTuple):
 
     lane: LaneEstimate
     borders: Borders
-    columns: Array  # (n, 2, ROWS) estimated centres of the left and the right marking at JUDGED_Y
+    columns: Array  # (n, 2, len(BORDER_Y)) estimated centres of the left and the right marking at BORDER_Y
     recognised: Array  # (n,) int8: 1, 0, or -1 where no marking showed
     beside_recognised: Array  # (n,) int8, -1 where it does not run
     rear: RearView  # of the vehicle in path
@@ -74,15 +71,29 @@ class Sight(NamedTuple):
 class Vision:
     """The camera chain with its settings; `step` once per 0.1 s."""
 
-    def __init__(self, configuration: Configuration, seed: int, beside: bool) -> None:
+    def __init__(
+        self,
+        configuration: Configuration,
+        seed: int,
+        beside: bool,
+        detector: LaneDetector[Any] | None = None,
+    ) -> None:
+        """`detector`: in place of the one that `configuration.mode` names."""
         self._configuration = configuration
         self._seed = seed
         self._beside = beside
-        self._paper = configuration.mode == "paper"
         self._projection = projection(configuration.camera)
-        self._row_m = np.array([self._forward_m(y) for y in JUDGED_Y])
-        self._numbers = search_numbers(fitted_to(configuration.search, configuration.camera))
+        self._row_m = np.array([self._forward_m(y) for y in BORDER_Y])
+        self._published = PublishedSearch(
+            configuration.search, configuration.camera, configuration.plausibility
+        )
+        self._detector = detector or self._named(configuration)
         self._of_thread = threading.local()
+
+    def _named(self, configuration: Configuration) -> LaneDetector[Any]:
+        if configuration.mode == "paper":
+            return self._published
+        return LaneTracker(configuration.refine, self._published, configuration.camera)
 
     def _forward_m(self, y: float) -> float:
         forward, _ = vehicle_from_image(self._projection.center_x, float(y), self._projection)
@@ -101,9 +112,9 @@ class Vision:
             looks(self._configuration.condition, n),
             nothing_hidden(n),
             nobody_watched(n),
-            refine.init(n),
-            genetic.init(keys("search")),
-            genetic.init(keys("search beside")),
+            np.zeros(n),
+            self._detector.init(keys("search")),
+            self._published.init(keys("search beside")),
         )
 
     def step(
@@ -130,9 +141,8 @@ class Vision:
         return state._replace(hidden=hidden, watched=watched)
 
     def seen_to(self, state: VisionState) -> Array:
-        """(n, ROWS) bool: rows of JUDGED_Y up to where paint was recently seen; in `paper` mode all."""
-        near = self._row_m[None, :] <= np.maximum(state.lane.reach_m, _LEAST_REACH_M)[:, None]
-        return np.ones_like(near) if self._paper else near
+        """(n, len(BORDER_Y)) bool: rows of BORDER_Y up to where paint was recently seen, if that is known."""
+        return np.asarray(self._row_m[None, :] <= np.maximum(state.reach_m, _LEAST_REACH_M)[:, None])
 
     def _chunk(
         self, state: VisionState, scene: Scene, speed_mps: Array, yaw_rate_rps: Array
@@ -180,55 +190,17 @@ class Vision:
         yaw_rate_rps: Array,
         truth: BorderColumns,
     ) -> tuple[VisionState, Sight]:
-        lane_state, search = state.lane, state.search
-        if self._paper:
-            search, borders = genetic.search(frames, search, self._numbers)
-            lane = lane_estimate_from_borders(
-                borders, search.shifted, self._configuration.camera, self._configuration.plausibility
-            )
-            columns = self._parabola_columns(borders)
-        else:
-            search, start, wanted = self._start(frames, lane_state, search)
-            lane_state, lane = refine.step(
-                frames,
-                start,
-                wanted,
-                lane_state,
-                self._projection,
-                speed_mps,
-                self._configuration.refine,
-                state.hidden,
-                yaw_rate_rps,
-            )
-            columns = refine.border_columns(lane_state, JUDGED_Y, self._projection)
-            borders = refine.parabolas(lane_state, columns, JUDGED_Y)
+        glance = Glance(frames, speed_mps, yaw_rate_rps, state.hidden)
+        detector, found = self._detector.step(glance, state.detector)
         beside, beside_verdict = state.beside, np.full(len(speed_mps), -1, np.int8)
         if self._beside:
-            beside, found = genetic.search(frames, beside, self._numbers)
-            beside_verdict = self._judge(scene, state.looks, self._parabola_columns(found), truth)
-        after = state._replace(frame=state.frame + 1, lane=lane_state, search=search, beside=beside)
-        verdict = self._judge(scene, state.looks, columns, truth)
+            beside, borders = self._published.search(frames, beside)
+            columns = self._published.columns(borders)
+            beside_verdict = self._judge(scene, state.looks, columns, truth)
+        after = state._replace(frame=state.frame + 1, reach_m=found.reach_m, detector=detector, beside=beside)
+        verdict = self._judge(scene, state.looks, found.columns, truth)
         rear = look(frames, state.watched, self._projection)
-        return after, Sight(lane, borders, columns, verdict, beside_verdict, rear)
-
-    def _start(
-        self, frames: Array, lane: LaneState, search: SearchState
-    ) -> tuple[SearchState, Borders | None, Array | None]:
-        """The published search for the vehicles that have no lane; the others' searches are reset."""
-        wanted = refine.needs_search(lane)
-        if not wanted.any():
-            return search, None, None
-        index = np.flatnonzero(wanted)
-        fresh = genetic.init(search.key)._replace(frame=search.frame)
-        resumed = select(search, index)
-        after, found = genetic.search(frames[index], resumed, self._numbers)
-        for part, new in zip(fresh, after, strict=True):
-            part[index] = new
-        n = len(wanted)
-        start = Borders(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2)))
-        for part, new in zip(start, found, strict=True):
-            part[index] = new
-        return fresh, start, wanted
+        return after, Sight(found.lane, found.borders, found.columns, verdict, beside_verdict, rear)
 
     def _judge(self, scene: Scene, looks: Looks, columns: Array, truth: BorderColumns) -> Array:
         verdict = _against(truth, columns)
@@ -245,11 +217,6 @@ class Vision:
         verdict[np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m + _STRADDLING_M] = -1
         return verdict
 
-    def _parabola_columns(self, borders: Borders) -> Array:
-        # the published objective peaks at a marking's inner edge; scored is the marking's centre
-        centres = marking_centres(borders, self._configuration.camera, self._configuration.plausibility)
-        return parabola_columns(centres)
-
 
 def _own_slot(scene: Scene) -> Array:
     return OWN_RIGHT + scene.lanes_left.astype(np.int64)
@@ -259,9 +226,3 @@ def _against(truth: BorderColumns, columns: Array) -> Array:
     verdict = np.empty(len(columns), np.int8)
     judge(truth.column, truth.painted, columns, TOLERANCE_PX, SHARE, verdict)
     return verdict
-
-
-def parabola_columns(borders: Borders) -> Array:
-    """(n, 2, ROWS) columns of the left and the right border at JUDGED_Y."""
-    both = np.stack([borders.left, borders.right], axis=1)[:, :, None, :]
-    return np.ascontiguousarray((both[..., 0] * JUDGED_Y + both[..., 1]) * JUDGED_Y + both[..., 2])

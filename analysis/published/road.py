@@ -33,6 +33,7 @@ from camera_synth.camera import PROCESSED_FROM, projection
 from camera_synth.render import new_frames
 from camera_synth.truth import new_border_columns
 from plugin.lane import genetic, refine
+from plugin.lane.detector import BORDER_Y, parabola_columns
 from plugin.lane.estimate import LaneEstimate
 from plugin.lane.genetic import fitted_to, search_numbers
 from plugin.lane.geometry import lane_estimate_from_borders, marking_centres
@@ -41,7 +42,7 @@ from plugin.motion.estimate import MotionEstimate, Trajectory
 from plugin.motion.observer import ObserverSettings
 from plugin.motion.prediction import PredictionSettings
 from plugin.recognition_kernels import judge
-from plugin.vision import JUDGED_Y, SHARE, TOLERANCE_PX, parabola_columns
+from plugin.vision import SHARE, TOLERANCE_PX
 from sumo_net.randomness import stream_key
 from sumo_net.road import OWN_RIGHT
 from sumo_net.step import STEP_S
@@ -84,7 +85,7 @@ class _Chain:
             self._lane, lane = refine.step(
                 frames, start, wanted, self._lane, projection(CAMERA), speed, settings_
             )
-            columns = refine.border_columns(self._lane, JUDGED_Y, projection(CAMERA))
+            columns = refine.border_columns(self._lane, BORDER_Y, projection(CAMERA))
         self._state, motion = observer.step(self._state, self._schedule, lane, speed)
         return columns, lane, motion, prediction.predict(motion, speed, self._predictor)
 
