@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from camera_synth.camera import WIDTH_PX
-from camera_synth.degrade import lattice_unit
+from camera_synth.degrade import contrast_left, lattice_unit
 from camera_synth.ground_kernels import whole_vectors
 from sumo_net.compile import inlined, kernel
 
@@ -94,7 +94,7 @@ def place(bodies, objects, i, rows, p, look):  # type: ignore[no-untyped-def]
     used = np.int64(0)  # a literal 0 would make another compiled variant
     for at in range(found):
         bodies.polygons[used] = 0
-        keep = look.visibility_m / (look.visibility_m + distance[at])
+        keep = contrast_left(distance[at], look)
         fall = 1.0 + distance[at] / look.headlight_reach_m
         light = keep * (look.ambient + look.headlight / (fall * fall))
         haze = look.haze_grey * look.ambient * (1.0 - keep)

@@ -37,6 +37,12 @@ times: Any = intrinsic(_times)
 
 
 @kernel
+def contrast_left(distance, look):  # type: ignore[no-untyped-def]
+    """Share of the contrast that is left at a distance in m: Koschmieder's law, a half at visibility_m."""
+    return math.exp(-math.log(2.0) * distance / look.visibility_m)
+
+
+@kernel
 def _lattice(hu, hv):  # type: ignore[no-untyped-def]
     """float32 in [0, 2³²] of a lattice point, given its two scrambled coordinates."""
     h = np.uint32(hu ^ hv)

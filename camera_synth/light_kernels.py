@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from camera_synth.camera import WIDTH_PX
-from camera_synth.degrade import NODE_PX, interpolate, lattice_unit
+from camera_synth.degrade import NODE_PX, contrast_left, interpolate, lattice_unit
 from camera_synth.ground_kernels import PATH
 from camera_synth.pattern_kernels import NODES, ROOM, Octave, add_octave
 from camera_synth.surface_kernels import strip_of
@@ -40,7 +40,7 @@ def light_ground(canvas, grid, uneven, first, end, light, crossings, look):  # t
     """
     daylight = 1.0 if look.headlight > 0.0 else look.ambient  # `_headlights` includes it in the grid
     for y in range(first, end):
-        keep = look.visibility_m / (look.visibility_m + 0.5 * (crossings.ahead[y] + crossings.ahead[y + 1]))
+        keep = contrast_left(0.5 * (crossings.ahead[y] + crossings.ahead[y + 1]), look)
         haze = np.float32(look.haze_grey * look.ambient * (1.0 - keep))
         scale, row = np.float32(keep * daylight), canvas[y - first]
         if uneven:

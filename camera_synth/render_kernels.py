@@ -6,7 +6,7 @@ import numpy as np
 
 from camera_synth.body_kernels import new_bodies, paint_bodies, place
 from camera_synth.condition import look_of
-from camera_synth.degrade import value_noise
+from camera_synth.degrade import contrast_left, value_noise
 from camera_synth.ground_kernels import cross, lay, new_crossings, new_curves, tabulate
 from camera_synth.light_kernels import cast_light, light_ground
 from camera_synth.pattern_kernels import ROOM, ground_of
@@ -21,6 +21,7 @@ from camera_synth.surface_kernels import (
 from camera_synth.truth_kernels import locate
 from sumo_net.compile import kernel
 
+_TREES_M = 400.0  # distance of the skyline
 BLOCK_ROWS = 16  # painted layer by layer: the canvas, 20 KB, stays in the first-level cache
 
 
@@ -90,7 +91,8 @@ def _paint_sky(row, rise, skyline, look):  # type: ignore[no-untyped-def]
     ambient = look.ambient
     hazy = 4.0 / (8.0 + max(rise, 0.0))
     sky = np.float32(look.sky_grey * (1.0 - hazy) + look.haze_grey * ambient * hazy)
-    trees = np.float32((0.6 * look.verge_grey + 0.3 * look.haze_grey) * ambient)
+    keep = contrast_left(_TREES_M, look)
+    trees = np.float32((look.verge_grey * keep + look.haze_grey * (1.0 - keep)) * ambient)
     zero, one = np.float32(0.0), np.float32(1.0)
     above = np.float32(rise - 0.5)
     for x in range(row.shape[0]):

@@ -4,9 +4,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from shots import keys_of, shoot
+from shots import ASPHALT, keys_of, plain, shoot
 
-from camera_synth.camera import PROCESSED_FROM, Camera, projection
+from camera_synth.camera import PROCESSED_FROM, Camera, projection, vehicle_from_image
 from camera_synth.condition import PRESETS, looks, preset
 from camera_synth.pose import Pose
 from camera_synth.render import new_frames, render
@@ -81,6 +81,18 @@ def test_key_and_counter_matter() -> None:
     first = shoot(road, preset("clear"), counter=5)
     assert np.mean(first[0] != first[1]) > 0.7  # same view, another key
     assert np.mean(first != shoot(road, preset("clear"), counter=6)) > 0.7
+
+
+def test_contrast_fades_by_koschmieders_law() -> None:
+    """Light at distance d: (own - haze) 2^(-d / visibility) + haze; on the road without any pattern."""
+    camera, haze, visibility_m = Camera(), 180.0, 40.0
+    frame = shoot(road_ahead(np.zeros(1)), plain(visibility_m=visibility_m, haze_grey=haze, sky_grey=haze))[0]
+    for y in (5, 60, 110, 130):
+        ahead, _ = vehicle_from_image(camera.center_x_px, float(y), projection(camera))
+        distance = ahead - camera.forward_m
+        expected = haze + (ASPHALT - haze) * 0.5 ** (distance / visibility_m)
+        assert frame[239 - y, 150:170].mean() == pytest.approx(expected, abs=0.6)
+    np.testing.assert_allclose(frame[:80], haze, atol=1.0)  # the trees on the horizon are out of sight
 
 
 @pytest.mark.parametrize("name", PRESETS)
