@@ -52,7 +52,8 @@ def width_odds(width, t):  # type: ignore[no-untyped-def]
 def over(side, x, t):  # type: ignore[no-untyped-def]
     """Whether a car that is beyond x's border on a side is in the lane there.
 
-    A strip of a less usual width than this lane may be a median: then the car must be well beyond the border.
+    A strip of a less usual width than this lane may be a shoulder or a median: then all of the car must be
+    beyond the border.
     """
     odder = width_odds(x[NEXT_LEFT + side], t) < min(width_odds(x[WIDTH], t), t.usual_width)
     return abs(x[OFFSET]) - 0.5 * x[WIDTH] > (t.odd_beyond_m if odder else 0.0)

@@ -136,7 +136,7 @@ class Tuning(NamedTuple):
     least_share: float = 0.1
     lock_rows: int = 16
     near_m: float = 25.0  # so far ahead paint is near by
-    odd_beyond_m: float = 0.4  # beyond a border, until which an odd strip there is no lane
+    odd_beyond_m: float = 0.9  # beyond a border, until which an odd strip there is no lane: half a car
     neighbour_share: float = 0.1  # of rows, from which on there is a lane beside
     next_std: float = 0.25  # of a neighbouring lane's width against the own lane's
     next_keep: float = 0.97

@@ -53,7 +53,7 @@ def test_lanes_wider_than_the_vote_looks_are_refused():
 @pytest.mark.parametrize("width_m", [3.75, 5.0])
 def test_what_is_beside_the_road_is_no_lane_to_go_over_to(width_m):
     state, p, shifts = init(1), projection(Camera()), 0
-    offsets = np.concatenate([np.linspace(0.0, 2.2, 60), np.full(5, 2.2)])
+    offsets = np.concatenate([np.linspace(0.0, 2.6, 70), np.full(5, 2.6)])
     for k, offset_m in enumerate(offsets):
         solid = np.array([-1.875, 1.875, 1.875 + width_m]) - offset_m
         frames = draw(solid, noise=3.0, seed=k)[None]
