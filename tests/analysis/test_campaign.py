@@ -84,11 +84,11 @@ def test_what_is_wrong_is_said_before_anything_runs(tmp_path: Path, text: str, w
 
 
 def test_a_wrong_value_is_the_campaigns_and_not_its_scenarios(tmp_path: Path) -> None:
-    file = written(tmp_path, 'scenarios = ["straight"]\nseeds = [1]\ngrid = { condition = ["fog"] }')
+    file = written(tmp_path, 'scenarios = ["straight"]\nseeds = [1]\ngrid = { condition = ["smog"] }')
     with pytest.raises(SettingsError) as error:
         load(file)
     assert str(error.value).startswith(
-        f"{file}: straight with condition = 'fog': condition.preset = 'fog': known"
+        f"{file}: straight with condition = 'smog': condition.preset = 'smog': known"
     )
     (tmp_path / "mine.toml").write_text("duration_s = -1.0")
     with pytest.raises(SettingsError, match=r"mine.toml: duration_s = -1"):
