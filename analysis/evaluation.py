@@ -6,7 +6,7 @@ The seeds are not those used for tuning (below 100). Each run has its own proces
 import concurrent.futures
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pandas as pd
 from rich.console import Console
@@ -190,12 +190,17 @@ def _gather(directory: Path, seeds: Iterable[int], name: str) -> pd.DataFrame:
     return pd.concat([read_table(directory / str(seed), name) for seed in seeds], ignore_index=True)
 
 
+def _mark(row: dict[Any, Any]) -> str:
+    if pd.isna(row["measured"]):
+        return "nothing to judge"  # as without a conflict that was due
+    return "reached" if row["reached"] else "NOT REACHED"
+
+
 def _print(results: pd.DataFrame, condition: str) -> Table:
     table = Table(title=condition, title_justify="left", box=None)
     for heading in ("figure", "measured", "wanted", ""):
         table.add_column(heading, justify="right" if heading == "measured" else "left")
     for row in results.to_dict("records"):
         wanted = row["wanted"] if isinstance(row["wanted"], str) else ""
-        mark = {True: "reached", False: "NOT REACHED"}[bool(row["reached"])] if wanted else ""
-        table.add_row(str(row["figure"]), f"{row['measured']:.5g}", wanted, mark)
+        table.add_row(str(row["figure"]), f"{row['measured']:.5g}", wanted, _mark(row) if wanted else "")
     return table

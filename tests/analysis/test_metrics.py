@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import metrics
+from analysis import evaluation, metrics
 from analysis.evaluation import tlc_ratio
 
 CAUSES = ["lane_keeping", "distraction", "microsleep", "lane_change_signalled", "lane_change_unsignalled"]
@@ -281,3 +281,10 @@ def test_summary_of_two_runs_keeps_vehicles_of_the_same_name_apart() -> None:
     assert (found["vehicles"], found["vehicle_steps"]) == (2, 100)
     assert found["distance_km"] == pytest.approx(0.2)
     assert found["predicted_error_2.0s_p95_m"] == 0.0
+
+
+def test_a_figure_without_anything_to_judge_is_neither_reached_nor_missed() -> None:
+    rows = [("a", 1.0, True), ("b", 2.0, False), ("c", np.nan, False)]
+    results = pd.DataFrame(rows, columns=["figure", "measured", "reached"]).assign(wanted="≤ 1")
+    *_, marks = evaluation._print(results, "clear").columns
+    assert list(marks.cells) == ["reached", "NOT REACHED", "nothing to judge"]
