@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.drive import Drive
 from plugin.assistance import DriverAssistance
-from plugin.lane.detector import BORDER_Y
+from plugin.lane.estimate import BORDER_Y
 from plugin.record import Recorder
 
 

@@ -22,7 +22,7 @@ from analysis.overlay import draw
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera, projection
 from plugin.configuration import read_camera
 from plugin.lane import genetic, refine
-from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.estimate import BORDER_Y, Borders, LaneEstimate
 from plugin.lane.geometry import lane_estimate_from_borders
 from plugin.lane.refine import Refine
 from sumo_net.randomness import stream_key
@@ -181,8 +181,8 @@ class _Refined:
                 lane = self._step(frame, np.zeros(1))
         reach = max(float(self._state.reach_m[0]), 10.0)
         columns = refine.border_columns(self._state, self._rows, self._projection, reach)[0]
-        fitted = refine.border_columns(self._state, refine.PARABOLA_ROWS, self._projection)
-        borders = refine.parabolas(self._state, fitted, refine.PARABOLA_ROWS)
+        fitted = refine.border_columns(self._state, BORDER_Y, self._projection)
+        borders = refine.parabolas(self._state, fitted, BORDER_Y)
         return Found(lane, borders, self._rows, columns)
 
     def _step(self, frame: Array, speed_mps: Array) -> LaneEstimate:

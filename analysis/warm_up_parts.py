@@ -14,7 +14,7 @@ def lane() -> None:
     from camera_synth.camera import Camera, projection, vehicle_from_image
     from camera_synth.render import new_frames
     from plugin.lane import refine
-    from plugin.lane.detector import BORDER_Y
+    from plugin.lane.estimate import BORDER_Y
 
     p = projection(Camera())
     vehicle_from_image(p.center_x, 1.0, p)
@@ -27,7 +27,8 @@ def picture() -> None:
     from camera_synth.camera import PROCESSED_FROM, Camera, projection
     from camera_synth.render import new_frames, render
     from camera_synth.truth import border_columns, new_border_columns
-    from plugin.recognition_kernels import ROWS, judge
+    from plugin.lane.estimate import ROWS
+    from plugin.recognition_kernels import judge
     from sumo_net.road import OWN_RIGHT
 
     p, (road, none, pose, looks) = projection(Camera()), _scene()

@@ -68,6 +68,7 @@ def drive(scenario: str, condition: str, duration_s: float, seed: int) -> dict[s
     from analysis.simulate import simulate
     from plugin import vision
     from plugin.lane import detector, genetic, refine
+    from plugin.lane.estimate import BORDER_Y
 
     pipelines: dict[int, Hough] = {}
     seconds = {"refined": 0.0, "paper": 0.0, "hough": 0.0}
@@ -103,7 +104,7 @@ def drive(scenario: str, condition: str, duration_s: float, seed: int) -> dict[s
             ]
         )
         seconds["hough"] += time.process_time() - begin
-        columns = lines[:, :, :1] * detector.BORDER_Y + lines[:, :, 1:]
+        columns = lines[:, :, :1] * BORDER_Y + lines[:, :, 1:]
         verdict = self._judge(scene, state.looks, np.ascontiguousarray(columns), rest[-1])
         verdicts.append(np.stack([sight.recognised, sight.beside_recognised, verdict]))
         return after, sight

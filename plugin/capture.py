@@ -19,7 +19,7 @@ import numpy as np
 from camera_synth.render import new_frames
 from plugin.chain import Moment
 from plugin.configuration import Configuration
-from plugin.lane.detector import BORDER_Y
+from plugin.lane.estimate import BORDER_Y
 from plugin.rear_end import RearEndScorer
 from plugin.record import Recorder
 from plugin.schema import TABLES

@@ -282,14 +282,14 @@ class ConflictBook:
         return rows
 
     def _braking(self, handle: Array, target: Leaders, speed_mps: Array) -> list[int]:
-        """The vehicles, of handle (n,), whose target has braked hard in the step of 0.1 s."""
+        """The vehicles, of handle (n,), whose target has braked hard in the last step."""
         rows = np.flatnonzero(target.handle != NOBODY)
         pairs = zip(handle[rows].tolist(), target.handle[rows].tolist(), strict=True)
         before, self._speeds = (
             self._speeds,
             dict(zip(pairs, (speed_mps - target.closing_mps)[rows].tolist(), strict=True)),
         )
-        hard = 0.1 * self.settings.braking_mps2 - 1e-9
+        hard = STEP_S * self.settings.braking_mps2 - 1e-9
         return [pair[0] for pair, now in self._speeds.items() if before.get(pair, now) - now >= hard]
 
     def _follow_views(self, time_s: float, handle: Array, leader: Array, visible: Array) -> None:

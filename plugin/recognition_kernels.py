@@ -2,10 +2,9 @@
 
 import math
 
+from plugin.lane.estimate import ROW_STEP, ROWS
 from sumo_net.compile import kernel
 
-ROWS = 50  # judged rows: y = 1, 4, 7, … 148, where the published search places its blocks
-ROW_STEP = 3
 _LEAST_ROWS = 3  # with the marking in view; fewer give no verdict
 
 

@@ -14,8 +14,8 @@ from camera_synth.pose import Pose
 from camera_synth.render import NO_TRUTH, new_frames, render
 from camera_synth.truth import BorderColumns, border_columns, new_border_columns
 from plugin.configuration import Configuration
-from plugin.lane.detector import BORDER_Y, Glance, LaneDetector, LaneTracker, PublishedSearch
-from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.detector import Glance, LaneDetector, LaneTracker, PublishedSearch
+from plugin.lane.estimate import BORDER_Y, Borders, LaneEstimate
 from plugin.lane.genetic import SearchState
 from plugin.lane.hidden import Bodies, hidden_by, nothing_hidden
 from plugin.recognition_kernels import judge

@@ -33,8 +33,8 @@ from camera_synth.camera import PROCESSED_FROM, projection
 from camera_synth.render import new_frames
 from camera_synth.truth import new_border_columns
 from plugin.lane import genetic, refine
-from plugin.lane.detector import BORDER_Y, parabola_columns
-from plugin.lane.estimate import LaneEstimate
+from plugin.lane.detector import parabola_columns
+from plugin.lane.estimate import BORDER_Y, LaneEstimate
 from plugin.lane.genetic import fitted_to, search_numbers
 from plugin.lane.geometry import lane_estimate_from_borders, marking_centres
 from plugin.motion import observer, prediction

@@ -6,7 +6,7 @@ import numpy as np
 
 from camera_synth.camera import Camera, projection
 from plugin.lane import genetic, refine
-from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.estimate import BORDER_Y, Borders, LaneEstimate
 from plugin.lane.follow import LOCKED
 from plugin.lane.genetic import GeneticSearch, SearchState, fitted_to, search_numbers
 from plugin.lane.geometry import Plausibility, lane_estimate_from_borders, marking_centres
@@ -16,8 +16,6 @@ from sumo_net.batch import select
 
 Array = np.ndarray[Any, Any]
 S = TypeVar("S")
-
-BORDER_Y = 1.0 + 3.0 * np.arange(50)  # rows at which borders are reported: those of the published blocks
 
 
 class Glance(NamedTuple):

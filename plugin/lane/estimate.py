@@ -6,6 +6,9 @@ import numpy as np
 
 Array = np.ndarray[Any, Any]
 
+ROWS, ROW_STEP = 50, 3
+BORDER_Y = 1.0 + ROW_STEP * np.arange(ROWS)  # where borders are reported: 1 to 148, as the published blocks
+
 
 class Borders(NamedTuple):
     """The two borders of the ego lane in the image, x = a·y² + b·y + c (eq. 1), for n vehicles."""

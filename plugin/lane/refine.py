@@ -326,9 +326,6 @@ def border_columns(state: LaneState, rows: Array, projection: Projection, furthe
     return out
 
 
-PARABOLA_ROWS = np.arange(1.0, 150.0, 3.0)  # enough for a fit
-
-
 def parabolas(state: LaneState, columns: Array, rows: Array) -> Borders:
     """Both borders as x = a·y² + b·y + c, fitted where they are in the image; score: share of rows seen.
 

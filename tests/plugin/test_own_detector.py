@@ -9,15 +9,8 @@ import pytest
 
 from analysis.fork_server import ForkServer
 from camera_synth.camera import Camera, image_from_vehicle, projection
-from plugin.lane.detector import (
-    BORDER_Y,
-    Found,
-    Glance,
-    LaneTracker,
-    PublishedSearch,
-    TrackedLane,
-    found_lane,
-)
+from plugin.lane.detector import Found, Glance, LaneTracker, PublishedSearch, TrackedLane, found_lane
+from plugin.lane.estimate import BORDER_Y
 
 _processes = ForkServer()
 atexit.register(_processes.close)

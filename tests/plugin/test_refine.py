@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from camera_synth.camera import Camera, image_from_vehicle, projection
 from plugin.lane import lane_motion, refine, refine_fit, road_model
+from plugin.lane.estimate import BORDER_Y
 from plugin.lane.hidden import nothing_hidden
 from plugin.lane.refine import Refine, init, needs_search, step
 from sumo_net.batch import join, select
@@ -301,7 +302,7 @@ def test_parabolas_lie_on_the_borders():
         state, _ = step(drive.frames, None, None, state, P, np.zeros(1), Refine())
     rows = np.arange(50.0, 140.0, 10.0)
     wanted = refine.border_columns(state, rows, P)[0]
-    whole = refine.PARABOLA_ROWS
+    whole = BORDER_Y
     borders = refine.parabolas(state, refine.border_columns(state, whole, P), whole)
     for side, (a, b, c) in enumerate((borders.left[0], borders.right[0])):
         np.testing.assert_allclose((a * rows + b) * rows + c, wanted[side], atol=1.0)
