@@ -6,13 +6,13 @@ The seeds are not those used for tuning (below 100). Each run has its own proces
 import concurrent.futures
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
+from analysis import evaluation_text
 from analysis.fork_server import ForkServer
 from analysis.metrics import (
     CATEGORIES,
@@ -25,8 +25,10 @@ from analysis.metrics import (
 from analysis.simulate import settings_of, simulate
 from analysis.statistics import quantile, quantile_ratio_interval
 from plugin.record import read_table
+from plugin.truth import HORIZONS_S
 
 CONDITIONS = ("clear", "complex")
+BASELINES = ("constant_velocity", "constant_radius")
 TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
 
 
@@ -52,8 +54,13 @@ TARGETS = (
     Target("ttc_error_p95_s", False, 0.3, 0.3),
     Target("conflicts_due_warned_rate", True, 1.0, 1.0),
     Target("fcw_danger_false_per_100km", False, 1.0, 1.0),
+    *(
+        Target(f"prediction_{horizon:.1f}s_{part}_ratio", False, 1.25, 1.25)
+        for horizon in HORIZONS_S
+        for part in ("median", "p95")
+    ),
+    Target("gain_over_baselines_m", True, 0.0, 0.0),
 )
-PREDICTION_RATIO = 1.25
 
 
 def evaluate(
@@ -61,7 +68,8 @@ def evaluate(
 ) -> pd.DataFrame:
     """Run `scenario` for every seed and condition, print measured and target values, write `evaluation.csv`.
 
-    Returns that table: condition, figure, measured, wanted, reached. Raises SettingsError before any run.
+    Returns that table: condition, figure, measured, wanted (the bound, if there is one), at_least (whether it
+    is a lower one), reached. Raises SettingsError before any run.
     """
     seeds = list(seeds)
     settings_of(scenario, duration_s=duration_s, fraction=fraction)
@@ -89,24 +97,24 @@ def evaluate(
         for future in concurrent.futures.as_completed(futures):
             future.result()
             progress.advance(task)
-    results = []
-    console = Console(highlight=False)
+    results, errors = [], {}
     for condition in CONDITIONS:
         tables = {name: _gather(out / condition, seeds, name) for name in TABLES}
-        results.append(judge(tables, condition))
-        detail = by_category(tables)
-        detail.to_csv(out / f"predictions_{condition}.csv", index=False)
-        console.print(_print(results[-1], condition))
-        console.print(detail.to_string(index=False, float_format=lambda value: f"{value:.3f}"))
+        errors[condition] = by_category(tables)
+        errors[condition].to_csv(out / f"predictions_{condition}.csv", index=False)
+        results.append(judge(tables, errors[condition], condition))
     table = pd.concat(results, ignore_index=True)
     table.to_csv(out / "evaluation.csv", index=False)
+    console = Console(highlight=False)
+    evaluation_text.show(table, errors, console)
+    console.print(f"All figures, by run and together: {out}", markup=False, soft_wrap=True)
     return table
 
 
-def judge(tables: dict[str, pd.DataFrame], condition: str) -> pd.DataFrame:
-    """Every figure of the summary of these runs, with its bound if there is one."""
-    figures = summary(**tables)
-    figures |= tlc_ratio(tables["steps"])
+def judge(tables: dict[str, pd.DataFrame], errors: pd.DataFrame, condition: str) -> pd.DataFrame:
+    """Every figure of the summary of these runs, with its bound if there is one; `errors` by category."""
+    figures = summary(**tables) | tlc_ratio(tables["steps"]) | prediction_ratios(tables["predictions"])
+    figures["gain_over_baselines_m"] = min(errors[f"{name}_low_m"].min() for name in BASELINES)
     bounds = {target.figure: target for target in TARGETS}
     rows = []
     for name, measured in figures.items():
@@ -114,19 +122,9 @@ def judge(tables: dict[str, pd.DataFrame], condition: str) -> pd.DataFrame:
         target = bounds.get(name)
         if target is not None:
             wanted = target.clear if condition == "clear" else target.complex
-            row["wanted"] = f"{'≥' if target.least else '≤'} {wanted:g}"
+            row |= {"wanted": wanted, "at_least": target.least}
             row["reached"] = measured >= wanted if target.least else measured <= wanted
         rows.append(row)
-    for name, ratio in prediction_ratios(tables["predictions"]).items():
-        rows.append(
-            {
-                "condition": condition,
-                "figure": name,
-                "measured": ratio,
-                "wanted": f"≤ {PREDICTION_RATIO}",
-                "reached": ratio <= PREDICTION_RATIO,
-            }
-        )
     return pd.DataFrame(rows)
 
 
@@ -160,7 +158,7 @@ def by_category(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """Prediction errors by category and horizon, and paired gains over both baselines with intervals."""
     steps, predictions = tables["steps"], tables["predictions"]
     errors = prediction_errors(predictions, steps)
-    for baseline in ("constant_velocity", "constant_radius"):
+    for baseline in BASELINES:
         gain = paired_gain(predictions, steps, baseline).rename(
             columns={name: f"{baseline}_{name}" for name in ("gain_m", "low_m", "high_m")}
         )
@@ -188,19 +186,3 @@ def _one(scenario: str, out: Path, seed: int, duration_s: float, fraction: float
 
 def _gather(directory: Path, seeds: Iterable[int], name: str) -> pd.DataFrame:
     return pd.concat([read_table(directory / str(seed), name) for seed in seeds], ignore_index=True)
-
-
-def _mark(row: dict[Any, Any]) -> str:
-    if pd.isna(row["measured"]):
-        return "nothing to judge"  # as without a conflict that was due
-    return "reached" if row["reached"] else "NOT REACHED"
-
-
-def _print(results: pd.DataFrame, condition: str) -> Table:
-    table = Table(title=condition, title_justify="left", box=None)
-    for heading in ("figure", "measured", "wanted", ""):
-        table.add_column(heading, justify="right" if heading == "measured" else "left")
-    for row in results.to_dict("records"):
-        wanted = row["wanted"] if isinstance(row["wanted"], str) else ""
-        table.add_row(str(row["figure"]), f"{row['measured']:.5g}", wanted, _mark(row) if wanted else "")
-    return table

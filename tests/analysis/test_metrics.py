@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import evaluation, metrics
+from analysis import evaluation_text, metrics
 from analysis.evaluation import tlc_ratio
 
 CAUSES = ["lane_keeping", "distraction", "microsleep", "lane_change_signalled", "lane_change_unsignalled"]
@@ -283,8 +283,26 @@ def test_summary_of_two_runs_keeps_vehicles_of_the_same_name_apart() -> None:
     assert found["predicted_error_2.0s_p95_m"] == 0.0
 
 
-def test_a_figure_without_anything_to_judge_is_neither_reached_nor_missed() -> None:
-    rows = [("a", 1.0, True), ("b", 2.0, False), ("c", np.nan, False)]
-    results = pd.DataFrame(rows, columns=["figure", "measured", "reached"]).assign(wanted="≤ 1")
-    *_, marks = evaluation._print(results, "clear").columns
-    assert list(marks.cells) == ["reached", "NOT REACHED", "nothing to judge"]
+def test_figures_are_printed_beside_their_targets() -> None:
+    rows = [
+        {"condition": condition, "figure": line.figure, "measured": 0.5}
+        for condition in ("clear", "complex")
+        for line in evaluation_text.LINES
+    ]
+    results = pd.DataFrame(rows).assign(wanted=np.nan, at_least=False, reached=False)
+    # a figure without anything to judge is neither reached nor missed
+    for figure, measured, reached in (
+        ("lateral_offset_rmse_m", 0.01, True),
+        ("ttc_error_p95_s", 2.0, False),
+        ("conflicts_due_warned_rate", np.nan, False),
+    ):
+        which = (results["figure"] == figure) & (results["condition"] == "clear")
+        results.loc[which, ["measured", "wanted", "reached"]] = [measured, 0.03, reached]
+    cells = {
+        line.figure: tuple(column._cells[k] for column in evaluation_text.figures(results).columns[1:])
+        for k, line in enumerate(evaluation_text.LINES)
+    }
+    assert cells["lateral_offset_rmse_m"] == ("1.0", "≤ 3", "50.0", "")
+    assert cells["ttc_error_p95_s"] == ("2.00", "[bold]≤ 0.03 NOT[/bold]", "0.50", "")
+    assert cells["conflicts_due_warned_rate"] == ("–", "≤ 3", "50.0", "")
+    assert evaluation_text.verdict(results) == "1 of 2 targets reached; not: ttc_error_p95_s (clear)"
