@@ -11,7 +11,7 @@ A look that stands alone does not warn: one step before, the time to crossing mu
 threshold (`confirm_s` above it) or the wheel near the border. A true approach has been: no lead is lost. Nor
 does an estimate that the camera's looks have just contradicted (`consistent_s`): it may be another lane's.
 Nor is there a warning of a border that is only extrapolated from paint far ahead, as across a junction
-(`unseen_m`).
+(`unseen_m`); one whose paint is worn off warns while the lane's other border is seen beside the vehicle.
 """
 
 from typing import NamedTuple
@@ -78,7 +78,7 @@ class DepartureSettings:
     unseen_m: float = Field(
         15.0,
         ge=0,
-        description="distance driven since paint of a border was seen nearby, beyond which it does not warn",
+        description="distance driven since paint of either border was seen nearby, beyond which none warns",
     )
     edge_m: float = Field(
         0.10, ge=0, description="a wheel this near the border is warned of whatever its time to crossing"

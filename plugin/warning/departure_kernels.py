@@ -49,6 +49,16 @@ def near(tlc, gap, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def painted(border, other, c):  # type: ignore[no-untyped-def]
+    """Whether a border is known from paint beside the vehicle, its own or that of the lane's other border.
+
+    Both in metres driven since paint was seen nearby. A border whose paint is worn off stands where the other
+    one and the lane's width place it; but one whose paint was never nearby since the lane was found does not.
+    """
+    return min(border, other) <= c.unseen and border < math.inf
+
+
+@kernel
 def step(state, crossing, drift, settled, shift, unseen, speed, signal, c, new, out):  # type: ignore[no-untyped-def]
     """One step for n vehicles; the new DepartureState into `new`, DepartureWarning into `out`.
 
@@ -82,8 +92,8 @@ def step(state, crossing, drift, settled, shift, unseen, speed, signal, c, new, 
             sure = settled[i] >= c.consistent - 1e-9
             due_left = sure and due(left, gap_left, drift[i], c) and state.near_left[i]
             due_right = sure and due(right, gap_right, -drift[i], c) and state.near_right[i]
-            due_left = due_left and unseen[0][i] <= c.unseen
-            due_right = due_right and unseen[1][i] <= c.unseen
+            due_left = due_left and painted(unseen[0][i], unseen[1][i], c)
+            due_right = due_right and painted(unseen[1][i], unseen[0][i], c)
             near_left, near_right = near(left, gap_left, c), near(right, gap_right, c)
             # Back inside: by rearm_gap at any time, or by edge if the last warning is long ago.
             inside = c.edge if since >= c.rearm_time - 1e-9 else c.rearm_gap

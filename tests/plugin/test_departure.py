@@ -77,13 +77,21 @@ def test_a_border_that_is_only_drawn_on_from_far_ahead_does_not_warn():
     """In a junction the lines beyond it are followed; where they would be beside the car, none is painted."""
     offset, drift = drift_out()
     limit = DepartureSettings().unseen_m
-    assert not play(offset, drift, unseen=(limit + 0.1, 0.0)).started.any()
+    assert not play(offset, drift, unseen=(limit + 0.1, limit + 0.1)).started.any()
     assert not play(offset, drift, unseen=(np.inf, 0.0)).started.any()
     assert play(offset, drift, unseen=(limit, np.inf)).started.sum() == 1
     assert play(-offset, -drift, unseen=(np.inf, limit)).started.sum() == -1
     again = np.where(np.arange(len(offset)) < 25, 30.0, 0.0)  # paint comes near, late as it is
-    begun = np.flatnonzero(play(offset, drift, unseen=(again, 0.0)).started[:, 0])
+    begun = np.flatnonzero(play(offset, drift, unseen=(again, 50.0)).started[:, 0])
     assert begun.tolist() == [25]
+
+
+def test_a_border_whose_paint_is_worn_off_warns_while_the_other_one_is_seen():
+    """Seed 768 of the evaluation: dashes worn off for 47 m, tracked by the right line and what is far ahead."""
+    offset, drift = drift_out()
+    whole = play(offset, drift).started
+    np.testing.assert_array_equal(play(offset, drift, unseen=(47.0, 13.0)).started, whole)
+    np.testing.assert_array_equal(play(-offset, -drift, unseen=(13.0, 47.0)).started, -whole)
 
 
 def test_a_single_look_that_jumps_does_not_warn():
