@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from plugin.tracking.kalman_kernels import (
     MEASURED,
     STATES,
+    cholesky,
     innovation_covariance,
     joseph,
     mahalanobis,
@@ -67,7 +68,7 @@ def _update_one(block, place, R):  # type: ignore[no-untyped-def]
     for i in range(MEASURED):
         y[i] = block.y[i, place]
     innovation_covariance(P, R, K, S)
-    definite = _cholesky(S, L)
+    definite = cholesky(S, L)
     block.squared[place] = mahalanobis(L, y, scratch(MEASURED))
     determinant = 1.0
     for j in range(MEASURED):
@@ -80,20 +81,3 @@ def _update_one(block, place, R):  # type: ignore[no-untyped-def]
             x[i] += K[i, j] * y[j]
     joseph(P, K, R)
     put(block, place, x, P, y)
-
-
-@inlined
-def _cholesky(S, L):  # type: ignore[no-untyped-def]
-    """`kalman_kernels.cholesky`, but completed even if S is not positive definite."""
-    definite = True
-    for i in range(MEASURED):
-        for j in range(i + 1):
-            total = S[i, j]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i == j:
-                definite &= total > 0.0
-                L[i, i] = math.sqrt(total)
-            else:
-                L[i, j] = total / L[j, j]
-    return definite

@@ -71,20 +71,19 @@ def combined(a, M, row):  # type: ignore[no-untyped-def]
 
 @inlined
 def cholesky(S, L):  # type: ignore[no-untyped-def]
-    """Lower L of S = L Lᵀ into `L`; False where S is not positive definite (L is then unfinished)."""
-    n = MEASURED
-    for i in range(n):
+    """Lower L of S = L Lᵀ into `L`; False where S is not positive definite: L then holds NaN or 1/0."""
+    definite = True
+    for i in range(MEASURED):
         for j in range(i + 1):
             total = S[i, j]
             for k in range(j):
                 total -= L[i, k] * L[j, k]
             if i == j:
-                if not total > 0.0:  # also catches NaN
-                    return False
+                definite &= total > 0.0  # False for NaN, too
                 L[i, i] = math.sqrt(total)
             else:
                 L[i, j] = total / L[j, j]
-    return True
+    return definite
 
 
 @inlined

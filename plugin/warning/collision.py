@@ -292,7 +292,6 @@ def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, Colli
             math.tan(o.near_angle_rad),
             o.near_half_m,
             o.road_reach_m,
-            3.0,
             o.disagreement_mps2,
             o.jerk_mps3,
             o.entering_s,

@@ -14,6 +14,7 @@ SILENT, CHIME, ALARM = range(3)
 NONE = -1
 _LOOKS = 20.0
 _SEEN_FROM_M = 10.0  # nearer bodies reach beyond the image
+_LEAST_SPEED_MPS = 3.0  # slower, the yaw rate says nothing about the bend
 
 
 class PathNumbers(NamedTuple):
@@ -38,7 +39,6 @@ class PathNumbers(NamedTuple):
     slope: float  # tangent of the largest angle to an object in path
     body: float  # m, half of the own body's width
     road_reach: float  # m
-    least_speed: float  # m/s, below it steering says nothing
     disagreement: float  # m/s²
     jerk: float  # m/s³
     entering: float  # s
@@ -166,8 +166,8 @@ def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, off
             + motion.curvature_rate_1pm2[i]
             + motion.lane_width_m[i]
         )
-        bend = yaw_rate[i] / speed[i] if speed[i] >= p.least_speed else 0.0
-        if speed[i] >= p.least_speed:
+        bend = yaw_rate[i] / speed[i] if speed[i] >= _LEAST_SPEED_MPS else 0.0
+        if speed[i] >= _LEAST_SPEED_MPS:
             seen = seen and abs(motion.curvature_1pm[i] - bend) * speed[i] ** 2 <= p.disagreement
             seen = seen and abs(motion.curvature_rate_1pm2[i]) * speed[i] ** 3 <= p.jerk
         if seen:
