@@ -51,7 +51,7 @@ class Driven:
         speed = self._speed
         self._observed, motion = observer.step(self._observed, self._schedule, lane, speed)
         ahead = predict(motion, speed, self._predictor)
-        crossing = time_to_lane_crossing(motion, ahead, self._vehicle)
+        crossing = time_to_lane_crossing(motion, ahead, self._predictor.step, self._vehicle)
         unseen_m = lane.left_unseen_m, lane.right_unseen_m
         self._warned, warning = departure.step(
             self._warned, crossing, motion, unseen_m, speed, np.zeros(1, np.int8), self._numbers

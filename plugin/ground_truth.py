@@ -10,7 +10,6 @@ from plugin.motion.prediction_kernels import Predictor
 from plugin.truth import HORIZONS_S, PREDICTORS
 from sumo_net.ego import EgoTruth
 from sumo_net.road import AHEAD_M
-from sumo_net.step import STEP_S
 from sumo_net.vehicle import Vehicle
 
 Array = np.ndarray[Any, Any]
@@ -36,8 +35,7 @@ class Judge:
         later = min(max(int(np.searchsorted(AHEAD_M, preview_m)), 1), len(AHEAD_M) - 1)
         before, after = AHEAD_M[later - 1], AHEAD_M[later]
         self._at = later, float((preview_m - before) / (after - before))
-        points = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64) - 1
-        self._horizon = np.minimum(points, predictor.steps - 1)
+        self._horizon = np.rint(np.array(HORIZONS_S) / predictor.step).astype(np.int64) - 1
 
     def reference(
         self,

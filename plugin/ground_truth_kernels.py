@@ -14,12 +14,15 @@ from sumo_net.copy_kernels import copy_vector
 
 @kernel
 def _points(path, horizon, out):  # type: ignore[no-untyped-def]
-    """out (n, 4, 3) <- forward, left, heading of the path's points `horizon` (4,)."""
+    """out (n, 4, 3) <- forward, left, heading of the path's points `horizon` (4,); NaN beyond its end."""
     for i in range(out.shape[0]):
         for k in range(len(horizon)):
-            out[i, k, 0] = path.forward_m[i, horizon[k]]
-            out[i, k, 1] = path.left_m[i, horizon[k]]
-            out[i, k, 2] = path.heading_rad[i, horizon[k]]
+            if horizon[k] < path.forward_m.shape[1]:
+                out[i, k, 0] = path.forward_m[i, horizon[k]]
+                out[i, k, 1] = path.left_m[i, horizon[k]]
+                out[i, k, 2] = path.heading_rad[i, horizon[k]]
+            else:
+                out[i, k] = math.nan
 
 
 @kernel

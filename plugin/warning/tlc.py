@@ -23,9 +23,9 @@ class Crossing(NamedTuple):
 def time_to_lane_crossing(
     motion: MotionEstimate,
     path: Trajectory,
+    step_s: float,
     vehicle: Vehicle,
     half_span_m: Array | None = None,
-    step_s: float = 0.1,
 ) -> Crossing:
     """TLC of n vehicles on their predicted paths (n, H), whose points are step_s apart.
 
