@@ -1,6 +1,7 @@
 """Converters from other radar log formats to that of `analysis.radar_log`, by name."""
 
 import dataclasses
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from analysis.radar_log import Log, LogError, parse, read_log, track
 from plugin.tracking.filters import FILTERS, FilterSettings
 from plugin.tracking.models import RadarNoise
 from plugin.tracking.tracker import TrackerSettings
+from sumo_net.frames import wrap_angle
 
 
 class Format(NamedTuple):
@@ -74,7 +76,7 @@ def udacity(path: Path) -> pd.DataFrame:
             "time_s": (raw["time_us"] - raw["time_us"].min()) * 1e-6,
             "range_m": raw["rho"],
             "range_rate_mps": raw["rho_dot"],
-            "azimuth_rad": (raw["phi"] + np.pi) % (2 * np.pi) - np.pi,  # exceeds π in the data set
+            "azimuth_rad": wrap_angle(raw["phi"].to_numpy(np.float64)),  # exceeds π in the data set
             "target_id": "1",
             "true_range_m": true_range,
             "true_range_rate_mps": (raw["x"] * raw["vx"] + raw["y"] * raw["vy"]) / true_range,
@@ -110,25 +112,23 @@ def track_recording(
     filter_name: str = "imm",
     from_format: str = "csv",
     own_association: bool = False,
-    options: TrackerSettings | None = None,
 ) -> pd.DataFrame:
     """`sumo-adas track PATH --out DIR --filter NAME`: write tracks.csv into `out`, give the table.
 
     Parameters
     ----------
-    from_format : "csv" or one of FORMATS, whose radar noise is then used unless `options` are given.
+    from_format : "csv" or one of FORMATS, whose radar noise is then used.
     own_association : ignore given targets and associate.
-    options : all other settings; `filter_name` replaces its filter.
 
     Raises LogError (the log) and ValueError (the filter's name).
     """
     if filter_name not in FILTERS:
         raise ValueError(f"filter = {filter_name!r}: allowed are {', '.join(FILTERS)}")
     log = load(path, from_format)
-    if options is None:
-        noise = FORMATS[from_format].noise if from_format in FORMATS else RadarNoise()
-        options = TrackerSettings(filters=FilterSettings(noise=noise))
-    options = dataclasses.replace(options, filter=filter_name)
+    if log.dropped:
+        logging.getLogger(__name__).warning("%s: %d rows repeat others: left out", path, log.dropped)
+    noise = FORMATS[from_format].noise if from_format in FORMATS else RadarNoise()
+    options = dataclasses.replace(TrackerSettings(filters=FilterSettings(noise=noise)), filter=filter_name)
     return track(log, path.stem, out, options, own_association)
 
 

@@ -21,6 +21,7 @@ from plugin.schema import Column
 from plugin.tracking import classification
 from plugin.tracking.detections import Detections, EgoMotion
 from plugin.tracking.tracker import Tracker, TrackerSettings, TrackList
+from sumo_net.frames import wrap_angle
 from sumo_net.settings import InputError
 
 Array = np.ndarray[Any, Any]
@@ -194,11 +195,11 @@ def rmse(table: pd.DataFrame) -> dict[str, float]:
     """Root mean square error of every estimate that has a truth column."""
     out = {}
     for name in TRUE:
-        error = table[name.removeprefix("true_")] - table[name]
+        error = (table[name.removeprefix("true_")] - table[name]).to_numpy()
         if "azimuth" in name:
-            error = (error + np.pi) % (2 * np.pi) - np.pi
-        if error.notna().any():
-            out[name.removeprefix("true_")] = float(np.sqrt(np.mean(error.dropna() ** 2)))
+            error = wrap_angle(error)
+        if np.isfinite(error).any():
+            out[name.removeprefix("true_")] = float(np.sqrt(np.nanmean(error**2)))
     return out
 
 

@@ -85,12 +85,16 @@ def test_a_gap_of_seconds_and_a_jump_end_tracks_and_start_them_anew(tmp_path: Pa
             assert at.max()[0] < at.min()[1]  # one target: never two tracks at once
 
 
-def test_a_scan_written_twice_counts_once(tmp_path: Path) -> None:
+def test_a_scan_written_twice_counts_once_and_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     lines = approach(np.arange(10) * 0.1)
     once = track_recording(write(tmp_path, HEADER, *lines), None)
+    assert caplog.messages == []
     double = write(tmp_path, HEADER, *[line for line in lines for _ in range(2)])
     assert load(double).dropped == 10
     pd.testing.assert_frame_equal(track_recording(double, None), once)
+    assert caplog.messages == [f"{double}: 10 rows repeat others: left out"]
 
 
 def test_a_comma_at_the_end_of_each_row_is_no_value(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
