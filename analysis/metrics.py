@@ -16,6 +16,7 @@ ERRORS = {
     "constant_velocity": "constant_velocity_lateral_error_m",
     "constant_radius": "constant_radius_lateral_error_m",
 }
+NEAR_TLC_S = 1.0  # up to here the errors of the TLC are judged
 STRADDLING_M = 0.4  # this near to a border, either of its lanes counts as the own lane
 SIGNALLED = "lane_change_signalled"
 
@@ -95,9 +96,7 @@ def prediction_errors(predictions: pd.DataFrame, steps: pd.DataFrame | None = No
     return pd.DataFrame(rows)
 
 
-def paired_gain(
-    predictions: pd.DataFrame, steps: pd.DataFrame, baseline: str, resamples: int = 1000
-) -> pd.DataFrame:
+def paired_gain(predictions: pd.DataFrame, steps: pd.DataFrame, baseline: str) -> pd.DataFrame:
     """Mean of |baseline error| − |prediction error|, by category and horizon, with an interval.
 
     Paired by step; 95 % bootstrap interval over (run, vehicle), since steps of one vehicle are correlated.
@@ -109,15 +108,15 @@ def paired_gain(
     for (name, horizon), part in keyed.groupby(["category", "horizon_s"], observed=True):
         clusters = part.groupby(["run_id", "vehicle_id"])["gain"].agg(["sum", "count"])
         gain_m = clusters["sum"].sum() / clusters["count"].sum()
-        low, high = ratio_interval(clusters["sum"].to_numpy(), clusters["count"].to_numpy(), resamples)
+        low, high = ratio_interval(clusters["sum"].to_numpy(), clusters["count"].to_numpy())
         rows.append({"category": name, "horizon_s": horizon, "gain_m": gain_m, "low_m": low, "high_m": high})
     return pd.DataFrame(rows)
 
 
-def before_crossing(steps: pd.DataFrame, below_s: float = 1.0) -> pd.DataFrame:
-    """The steps at which the true TLC is in (0, below_s]."""
+def before_crossing(steps: pd.DataFrame) -> pd.DataFrame:
+    """The steps at which the true TLC is in (0, NEAR_TLC_S]."""
     truth = steps["true_tlc_s"]
-    return steps[(truth > 0.0) & (truth <= below_s) & steps["on_marked_road"].fillna(False)]
+    return steps[(truth > 0.0) & (truth <= NEAR_TLC_S) & steps["on_marked_road"].fillna(False)]
 
 
 def tlc_error(near: pd.DataFrame, column: str) -> pd.Series:
@@ -125,9 +124,9 @@ def tlc_error(near: pd.DataFrame, column: str) -> pd.Series:
     return (near[column].fillna(np.inf) - near["true_tlc_s"]).abs()
 
 
-def tlc_errors(steps: pd.DataFrame, below_s: float = 1.0) -> dict[str, float]:
-    """|TLC error| where the true TLC is in (0, below_s]: of the estimate, the floor and both baselines."""
-    near = before_crossing(steps, below_s)
+def tlc_errors(steps: pd.DataFrame) -> dict[str, float]:
+    """|TLC error| where the true TLC is in (0, NEAR_TLC_S]: of the estimate, the floor and both baselines."""
+    near = before_crossing(steps)
     result: dict[str, float] = {"tlc_steps": len(near)}
     for label, column in (
         ("tlc", "tlc_s"),

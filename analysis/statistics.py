@@ -39,7 +39,7 @@ def quantile(values: pd.Series, q: float) -> float:
     return float(np.quantile(values.to_numpy(), q, method="higher"))
 
 
-def ratio_interval(numerator: Array, denominator: Array, resamples: int = RESAMPLES) -> tuple[float, float]:
+def ratio_interval(numerator: Array, denominator: Array) -> tuple[float, float]:
     """95 % bootstrap interval over rows of Σ numerator / Σ denominator; NaN for fewer than two rows."""
     if len(numerator) < 2 or not np.sum(denominator):
         return float("nan"), float("nan")
@@ -49,7 +49,7 @@ def ratio_interval(numerator: Array, denominator: Array, resamples: int = RESAMP
         paired=True,
         vectorized=True,
         method="percentile",
-        n_resamples=resamples,
+        n_resamples=RESAMPLES,
         batch=max(1, _NUMBERS_AT_ONCE // len(numerator)),
         rng=np.random.default_rng(0),
     ).confidence_interval
@@ -85,7 +85,7 @@ def ratio_difference_intervals(
 
 
 def quantile_ratio_interval(
-    numerator: pd.Series, denominator: pd.Series, cluster: Array, q: float, resamples: int = RESAMPLES
+    numerator: pd.Series, denominator: pd.Series, cluster: Array, q: float
 ) -> tuple[float, float]:
     """95 % bootstrap interval of quantile(numerator, q) / quantile(denominator, q) of paired rows (N,).
 
@@ -95,8 +95,8 @@ def quantile_ratio_interval(
     if clusters < 2:
         return float("nan"), float("nan")
     random = np.random.default_rng(0)
-    ratios = np.full(resamples, np.nan)
-    for k in range(resamples):
+    ratios = np.full(RESAMPLES, np.nan)
+    for k in range(RESAMPLES):
         times = random.multinomial(clusters, np.full(clusters, 1.0 / clusters))
         drawn = np.repeat(np.arange(len(cluster)), times[cluster])
         over = quantile(denominator.iloc[drawn], q)

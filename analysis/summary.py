@@ -18,17 +18,11 @@ _LABELS = {
 }
 
 
-def print_summary(directory: Path, console: Console | None = None) -> None:
+def print_summary(directory: Path) -> None:
     """Print the figures of the run whose tables lie in `directory`, in lines of at most 80 characters."""
-    console = console or Console(highlight=False)
-    figures = summary(
-        read_table(directory, "steps"),
-        read_table(directory, "predictions"),
-        read_table(directory, "warnings"),
-        read_table(directory, "departures"),
-        read_table(directory, "tracks"),
-        read_table(directory, "conflicts"),
-    )
+    console = Console(highlight=False)
+    names = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
+    figures = summary(*(read_table(directory, name) for name in names))
     if not figures["vehicle_steps"]:
         console.print(f"No equipped vehicle drove. Tables: {directory}", markup=False, soft_wrap=True)
         return

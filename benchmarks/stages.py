@@ -15,7 +15,6 @@ CHAIN = ("road ahead", "render", "search", "detect", "observe", "predict", "warn
 RADAR = ("radar", "track", "warn rear end")
 SHARED = ("SUMO", "read state")  # cost of all traffic, equipped or not
 STAGES = (*CHAIN, *RADAR, "ego", "write state", "judge", "baselines", "tables", "rest", *SHARED)
-SETTLE_STEPS = 100  # interval of scoring and writing rows
 HEAVY = {"demand": {"flow_per_lane_vph": 2200.0, "truck": {"share": 0.05}}, "highway": {"lanes": 4}}
 CROWDED = HEAVY | {"highway": {"lanes": 6}}
 MOST_IN_HEAVY = 550  # vehicles; larger fleets need more lanes

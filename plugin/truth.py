@@ -238,7 +238,6 @@ class Scorer:
         )
         forward, left = cos * dx + sin * dy, cos * dy - sin * dx
         turn = rows["world_heading_rad"][inside] - rows["world_heading_rad"][order][:, None]
-        turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
         errors = {}
         for name in PREDICTORS:
             path = rows[name][order]

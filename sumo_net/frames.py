@@ -29,34 +29,8 @@ def heading_from_sumo_angle(angle_deg):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def sumo_angle_from_heading(heading):  # type: ignore[no-untyped-def]
-    """SUMO's angle in degrees, [0, 360), of a heading in rad."""
-    angle = 90.0 - heading * (180.0 / math.pi)
-    return angle - 360.0 * np.floor(angle / 360.0)
-
-
-@kernel
 def vehicle_from_world(x, y, origin_x, origin_y, heading):  # type: ignore[no-untyped-def]
     """(forward, left) of a world point for a vehicle whose centre of gravity is at the origin given."""
     dx, dy = x - origin_x, y - origin_y
     c, s = np.cos(heading), np.sin(heading)
     return c * dx + s * dy, c * dy - s * dx
-
-
-@kernel
-def world_from_vehicle(forward, left, origin_x, origin_y, heading):  # type: ignore[no-untyped-def]
-    """(x, y) in the world of a point in the vehicle frame."""
-    c, s = np.cos(heading), np.sin(heading)
-    return origin_x + c * forward - s * left, origin_y + s * forward + c * left
-
-
-@kernel
-def center_from_bumper(x, y, heading, bumper_m):  # type: ignore[no-untyped-def]
-    """(x, y) of the centre of gravity, `bumper_m` behind SUMO's position (the front bumper's centre)."""
-    return x - bumper_m * np.cos(heading), y - bumper_m * np.sin(heading)
-
-
-@kernel
-def bumper_from_center(x, y, heading, bumper_m):  # type: ignore[no-untyped-def]
-    """(x, y) of the front bumper's centre, SUMO's position, of a centre of gravity."""
-    return x + bumper_m * np.cos(heading), y + bumper_m * np.sin(heading)

@@ -1,7 +1,5 @@
 """Scenarios: road, traffic and equipment; built in, or from the user's TOML or .sumocfg file."""
 
-import contextlib
-import dataclasses
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +20,7 @@ from sumo_net.netconvert import BuildError
 from sumo_net.network import BuiltNetwork, build
 from sumo_net.road_import import ENDINGS, convert, format_of
 from sumo_net.script import Actor, Manoeuvre, check_script
-from sumo_net.settings import SettingsError, read, read_json, read_toml, settings
+from sumo_net.settings import SettingsError, read_json, read_toml, settings
 
 DEFAULT_SCENARIO = "highway"
 REGRESSION = ".scenario.toml"  # such a file names a scenario and the expected results
@@ -184,18 +182,14 @@ def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     return merged
 
 
-def prepare(scenario: Scenario, directory: Path, seed: int | None = None) -> PreparedRun:
-    """Write SUMO's input files into `directory` (created if missing) and nowhere else.
-
-    `seed` overrides the scenario's. Raises SettingsError.
-    """
-    seed = scenario.seed if seed is None else seed
+def prepare(scenario: Scenario, directory: Path) -> PreparedRun:
+    """Write SUMO's input files into `directory` (created if missing), nowhere else. Raises SettingsError."""
     directory.mkdir(parents=True, exist_ok=True)
     directory = directory.resolve()
     warm_up, recorded = round(scenario.warm_up_s * 10), max(1, round(scenario.duration_s * 10))
     options = {
         "step-length": "0.1",
-        "seed": str(seed),
+        "seed": str(scenario.seed),
         "lateral-resolution": "-1",
         "lanechange.duration": "0",
         "no-step-log": "true",
@@ -220,23 +214,15 @@ def prepare(scenario: Scenario, directory: Path, seed: int | None = None) -> Pre
     routes = directory / "demand.rou.xml"
     placed = actor_lines(scenario.actors, network, warm_up / 10)
     if isinstance(network, BuiltNetwork):
-        write_highway_demand(scenario.demand, network, end, seed, routes, placed)
+        write_highway_demand(scenario.demand, network, end, scenario.seed, routes, placed)
         options |= {"net-file": str(network.net_file), "collision.action": "warn"}
         options.setdefault("time-to-teleport", "-1")
     else:
-        write_network_demand(scenario.demand, network, end, seed, routes, placed)
+        write_network_demand(scenario.demand, network, end, scenario.seed, routes, placed)
         options["net-file"] = str(network)
     options |= {"route-files": str(routes), "begin": "0", "end": f"{end:.1f}", "max-depart-delay": "10"}
     arguments = tuple(word for name, value in options.items() for word in (f"--{name}", value))
     return PreparedRun(arguments, network, 0.0, warm_up, recorded, ())
-
-
-def with_changes(scenario: Scenario, **changes: Any) -> Scenario:
-    """The scenario with top-level fields replaced and checked again. Raises SettingsError."""
-    with contextlib.suppress(pydantic.ValidationError):
-        return dataclasses.replace(scenario, **changes)
-    fields = {field.name: getattr(scenario, field.name) for field in dataclasses.fields(scenario)}
-    return read(Scenario, fields | changes, "options")
 
 
 def road(scenario: Scenario, directory: Path) -> BuiltNetwork | Path:

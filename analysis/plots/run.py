@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.metrics import CATEGORIES, category, prediction_errors
+from analysis.metrics import CATEGORIES, NEAR_TLC_S, before_crossing, category, prediction_errors
 from analysis.plots.style import BLUE, GREY, SERIES, VERMILLION, below, nothing, sheet, styled
 from analysis.rear_end import NEAR_TTC_S, SETTLED_CYCLES
 from analysis.statistics import clustered_share
@@ -142,13 +142,12 @@ def recognition(steps: pd.DataFrame) -> Figure:
 
 
 @styled
-def tlc_error(steps: pd.DataFrame, below_s: float = 1.0) -> Figure:
-    """Share of steps with a |TLC error| of at most x, where the true TLC is under `below_s`."""
+def tlc_error(steps: pd.DataFrame) -> Figure:
+    """Share of steps with a |TLC error| of at most x, where the true TLC is under NEAR_TLC_S."""
     figure, axes = sheet(1, 1, 3.4)
-    truth = steps["true_tlc_s"]
-    near = steps[(truth > 0.0) & (truth <= below_s) & steps["on_marked_road"].fillna(False)]
+    near = before_crossing(steps)
     if near.empty:
-        nothing(axes, f"no vehicle came within {below_s:g} s of a crossing")
+        nothing(axes, f"no vehicle came within {NEAR_TLC_S:g} s of a crossing")
         return figure
     for (column, label), (colour, dashes, _) in zip(_TLC.items(), SERIES, strict=False):
         error = np.sort((near[column] - near["true_tlc_s"]).abs().dropna().to_numpy())
@@ -166,8 +165,9 @@ def tlc_error(steps: pd.DataFrame, below_s: float = 1.0) -> Figure:
 
 
 @styled
-def ttc_error(steps: pd.DataFrame, below_s: float = 2 * NEAR_TTC_S) -> Figure:
-    """Estimated against true time to collision, where that is under `below_s` and the leader is in view."""
+def ttc_error(steps: pd.DataFrame) -> Figure:
+    """Estimated against true time to collision, where that is short and the leader is in view."""
+    below_s = 2 * NEAR_TTC_S
     figure, axes = sheet(1, 1, 3.4)
     near = steps[(steps["true_ttc_s"] < below_s) & steps["true_leader_visible"].fillna(False)]
     if near.empty:

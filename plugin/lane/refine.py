@@ -338,11 +338,6 @@ def parabolas(state: LaneState, columns: Array, rows: Array) -> Borders:
     return Borders(left, right, state.found.copy())
 
 
-def standard_deviations(state: LaneState) -> Array:
-    """Standard deviations (n, STATES) of the road model's state."""
-    return np.sqrt(np.maximum(np.diagonal(state.P, axis1=1, axis2=2), 0.0))
-
-
 def locked(state: LaneState) -> Array:
     """(n,) bool: which vehicles have a locked lane."""
     return np.asarray(state.status == LOCKED)

@@ -20,6 +20,7 @@ import math
 
 import numpy as np
 
+from camera_synth.camera import HEIGHT_PX
 from sumo_net.compile import kernel
 
 KNOTS = 9
@@ -223,13 +224,13 @@ def preview(x, node, distance):  # type: ignore[no-untyped-def]
     return left, math.atan(tangent), node[i - 1, 0] + u * (node[i, 0] - node[i - 1, 0])
 
 
-def rows_to_read(horizon_y: float, height_px: int = 240) -> np.ndarray:
+def rows_to_read(horizon_y: float) -> np.ndarray:
     """Image rows (y up, ascending) that the tracker reads: every third near the vehicle, all of them far
     ahead, where a row covers many metres.
     """
     rows: list[int] = []
     y = 1
-    while y < min(horizon_y - 4.0, height_px - 1):
+    while y < min(horizon_y - 4.0, HEIGHT_PX - 1):
         rows.append(y)
         below = horizon_y - y
         y += 3 if below > 42 else 2 if below > 22 else 1

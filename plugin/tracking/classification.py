@@ -5,15 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from plugin.tracking.classification_kernels import (
-    ONCOMING,
-    SAME_DIRECTION,
-    STATIONARY,
-    STOPPED_ONCOMING,
-    STOPPED_SAME,
-    UNCLASSIFIED,
-    ClassRules,
-)
+from plugin.tracking.classification_kernels import ClassRules
 from sumo_net.settings import settings
 
 Array = np.ndarray[Any, Any]
@@ -25,21 +17,6 @@ NAMES = (
     "oncoming",
     "stopped_was_same_direction",
     "stopped_was_oncoming",
-)
-TRANSITIONS = frozenset(
-    {
-        (UNCLASSIFIED, STATIONARY),
-        (UNCLASSIFIED, SAME_DIRECTION),
-        (UNCLASSIFIED, ONCOMING),
-        (SAME_DIRECTION, STOPPED_SAME),
-        (ONCOMING, STOPPED_ONCOMING),
-        (STATIONARY, SAME_DIRECTION),
-        (STATIONARY, ONCOMING),
-        (STOPPED_SAME, SAME_DIRECTION),
-        (STOPPED_SAME, ONCOMING),
-        (STOPPED_ONCOMING, SAME_DIRECTION),
-        (STOPPED_ONCOMING, ONCOMING),
-    }
 )
 
 

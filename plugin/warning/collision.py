@@ -58,6 +58,7 @@ __all__ = [
 CODES = ("inactive", "ready", "reminder", "danger", "suppressed")
 BUZZER = ("silent", "chime", "alarm")
 REMEMBERED = 8  # tracks in path, for the hysteresis
+LATEST_S = 0.25  # since the last detection of a target
 
 
 @settings
@@ -200,16 +201,16 @@ class Targets(NamedTuple):
     sighted: Array  # bool: the camera sees the rear of a vehicle there in this frame
 
 
-def targets_from(tracks: TrackList, unseen_s: Array, sighted_id: Array, latest_s: float = 0.25) -> Targets:
+def targets_from(tracks: TrackList, unseen_s: Array, sighted_id: Array) -> Targets:
     """The tracker's list as targets; unseen_s (T,) is `TrackerState.tracks.unseen_s`, in the same order.
 
     sighted_id (n,) int64 : the track whose rear the camera of each vehicle sees in this frame, -1 for none.
 
     Left out are tracks that are tentative, oncoming (or were so before they stopped), or not detected for
-    longer than `latest_s`: those of vehicles just passed drift into the path while they coast.
+    longer than LATEST_S: those of vehicles just passed drift into the path while they coast.
     """
     e = tracks.estimate
-    kinds = kernels.kinds(tracks, unseen_s, sighted_id, latest_s)
+    kinds = kernels.kinds(tracks, unseen_s, sighted_id, LATEST_S)
     return Targets(
         tracks.owner,
         tracks.track_id,

@@ -16,8 +16,9 @@ def phases() -> pd.DataFrame:
 
 
 def test_imm_is_near_the_better_of_its_models_in_each_phase(phases: pd.DataFrame) -> None:
+    most = {"range_m": 1.05, "range_rate_mps": 1.4, "azimuth_deg": 1.15}  # of the better one's error
     for phase in imm.PHASES:
-        for component, allowed in imm.ALLOWED.items():
+        for component, allowed in most.items():
             assert phases.loc[(phase, "imm"), f"{component}_ratio"] <= allowed, (phase, component)
 
 

@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from plugin.motion.estimate import MotionEstimate
-from plugin.tracking import classification
+from plugin.tracking.classification_kernels import ONCOMING, SAME_DIRECTION, STATIONARY
 from plugin.tracking.detections import Estimate
 from plugin.tracking.tracker import TrackList
 from plugin.warning import collision
@@ -188,7 +188,7 @@ def test_slices_and_order_of_tracks_change_nothing() -> None:
 
 
 def test_targets_are_confirmed_tracks_detected_lately_that_do_not_come_towards_us() -> None:
-    states = (classification.SAME_DIRECTION, classification.ONCOMING, classification.STATIONARY)
+    states = (SAME_DIRECTION, ONCOMING, STATIONARY)
     state = np.array([*states, *states[:1] * 2], np.int8)
     count = np.arange(5)
     estimate = Estimate(*(count * 10.0 + k for k in range(len(Estimate._fields))))

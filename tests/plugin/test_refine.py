@@ -180,7 +180,7 @@ def test_a_drive_is_followed_within_the_targets(condition, curvature, rate, limi
     rmse = np.sqrt(np.nanmean(np.square(errors[5:]), axis=(0, 2)))
     assert (rmse < limits).all(), rmse
     # what the tracker thinks of itself is of the right size
-    spread = refine.standard_deviations(state)[:, road_model.OFFSET]
+    spread = np.sqrt(state.P[:, road_model.OFFSET, road_model.OFFSET])
     assert np.abs(errors[-1][0]).mean() < 3 * spread.mean()
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from radar_scene import Scan, Scene
 
-from plugin.tracking import classification
+from plugin.tracking import classification_kernels
 from plugin.tracking.detections import Detections, Estimate, at_rest, sensor_motion
 from plugin.tracking.filters import FILTERS, FilterSettings, make
 from plugin.tracking.tracker import Tracker, TrackerSettings
@@ -17,11 +17,11 @@ from sumo_net.batch import select
 POSITION = np.array([[[60.0, 0.0], [190.0, 5.0], [110.0, 8.0], [90.0, -6.0], [70.0, 3.75]]])
 VELOCITY = np.array([[[25.0, 0.0], [-25.0, 0.0], [0.0, 0.0], [0.0, 0.0], [20.0, 0.0]]])
 CLASSES = [
-    classification.SAME_DIRECTION,
-    classification.ONCOMING,
-    classification.STATIONARY,
-    classification.STATIONARY,
-    classification.SAME_DIRECTION,
+    classification_kernels.SAME_DIRECTION,
+    classification_kernels.ONCOMING,
+    classification_kernels.STATIONARY,
+    classification_kernels.STATIONARY,
+    classification_kernels.SAME_DIRECTION,
 ]
 
 
