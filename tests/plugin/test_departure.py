@@ -88,7 +88,7 @@ def test_a_border_that_is_only_drawn_on_from_far_ahead_does_not_warn():
 
 
 def test_a_border_whose_paint_is_worn_off_warns_while_the_other_one_is_seen():
-    """Seed 768 of the evaluation: dashes worn off for 47 m, tracked by the right line and what is far ahead."""
+    """Seed 768 of the evaluation: dashes worn off for 47 m, the right line seen, and both far ahead."""
     offset, drift = drift_out()
     whole = play(offset, drift).started
     np.testing.assert_array_equal(play(offset, drift, unseen=(47.0, 13.0)).started, whole)
