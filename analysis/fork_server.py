@@ -25,7 +25,6 @@ import warnings
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, NoReturn
 
-_SINGLE = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _MOST_WORDS = 20_000  # bytes kept of a call's standard error
 LOADED = ("analysis.campaign.one", "analysis.simulate", "libsumo", "traci", "sumolib")
 _DIED = "the process that starts the runs was ended"
@@ -122,14 +121,13 @@ class ForkServer:
 
 
 def _start(modules: tuple[str, ...]) -> tuple[subprocess.Popen[bytes], socket.socket]:
-    single = {name: "1" for name in _SINGLE if name not in os.environ}
     ours, theirs = socket.socketpair()
     with theirs:
         process = subprocess.Popen(
             [sys.executable, "-m", "analysis.fork_server", *modules],
             stdin=theirs.fileno(),
             stdout=subprocess.DEVNULL,
-            env=os.environ | single | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
     return process, ours
 
