@@ -30,6 +30,7 @@ from start_up import start_up
 
 HISTORY = Path(__file__).with_name("history.json")
 WANTED_OWN_MS, WANTED_LATER_MS = 0.4, 0.25
+WIDTH = 120  # of the table; rich would cut figures where the output is a file or a narrow terminal
 
 
 def _in_process(function: Callable[..., dict[str, Any]], *arguments: Any) -> dict[str, Any]:
@@ -132,7 +133,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/benchmark.json"))
     parser.add_argument("--record", metavar="NOTE", help="append the main figures to benchmarks/history.json")
     options = parser.parse_args()
-    console = Console(highlight=False)
+    console = Console(highlight=False, width=max(Console().width, WIDTH))
     started = {"warm": start_up(False)}  # compiles the kernels if necessary
     started["warm"] = start_up(False)
     if options.cold:

@@ -23,12 +23,29 @@ WARM_UP_STEPS = 15
 
 
 class Stopwatch:
-    """Exclusive processor time by stage: nested stages are not counted twice."""
+    """Exclusive processor time by stage: nested stages are not counted twice.
+
+    Its own cost, 1.4 µs for each of some 55 calls timed in a step, is measured first and left out.
+    """
 
     def __init__(self) -> None:
         self.spent: dict[str, float] = defaultdict(float)
         self._open: list[str] = []
-        self._since = 0.0
+        self._since = self._within_s = self._around_s = 0.0
+        self._within_s, self._around_s = self._own_cost()
+
+    def _own_cost(self, calls: int = 2000) -> tuple[float, float]:
+        """What a timed call adds to its own stage, and to the one around it, in s."""
+        begin = time.process_time()
+        for _ in range(calls):
+            _nothing()
+        plain = (time.process_time() - begin) / calls
+        timed = self._timed(_nothing, "within")
+        with self.stage("around"):
+            for _ in range(calls):
+                timed()
+        spent = self.take()
+        return max(spent["within"] / calls - plain, 0.0), max(spent["around"] / calls, 0.0)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -40,8 +57,9 @@ class Stopwatch:
 
     def time(self, owner: Any, attribute: str, name: str) -> None:
         """Time a function from now on."""
-        inner = getattr(owner, attribute)
+        setattr(owner, attribute, self._timed(getattr(owner, attribute), name))
 
+    def _timed(self, inner: Callable[..., Any], name: str) -> Callable[..., Any]:
         def timed(*arguments: Any, **options: Any) -> Any:
             self._begin(name)  # not `stage`: a generator costs 1 µs more, which matters for one vehicle
             try:
@@ -49,7 +67,7 @@ class Stopwatch:
             finally:
                 self._end()
 
-        setattr(owner, attribute, timed)
+        return timed
 
     def take(self) -> dict[str, float]:
         """Seconds by stage since the last call."""
@@ -65,8 +83,13 @@ class Stopwatch:
 
     def _end(self) -> None:
         now = time.process_time()
-        self.spent[self._open.pop()] += now - self._since
+        self.spent[self._open.pop()] += now - self._since - self._within_s
+        if self._open:
+            self.spent[self._open[-1]] -= self._around_s
         self._since = now
+
+
+def _nothing() -> None: ...
 
 
 class FirstOnes:
