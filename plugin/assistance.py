@@ -27,6 +27,7 @@ from sumo_net.incidents import IncidentMaker
 from sumo_net.lane_changes import LaneChanges
 from sumo_net.memory import keep_freed_memory
 from sumo_net.network import BuiltNetwork
+from sumo_net.opposite import OppositeLanes
 from sumo_net.road import RoadNetwork
 from sumo_net.script_player import ScriptPlayer
 from sumo_net.settings import read_toml
@@ -99,6 +100,7 @@ class DriverAssistance:
             self._roads = RoadNetwork.from_highway(network)
         else:
             self._roads = RoadNetwork.from_net_file(network or traffic.net_file)
+        self._opposite = OppositeLanes(self._roads.graph, traffic)
         self._lane_changes = LaneChanges(self._roads.graph, traffic.lane_ids)
         self._incidents = IncidentMaker(configuration.incidents, traffic, seed)
         offsets = {actor.id: actor.offset_m for actor in configuration.actors if actor.offset_m is not None}
@@ -189,7 +191,7 @@ class DriverAssistance:
         """
         if self._closed:
             raise TrafficError("this assistance is closed: attach again")
-        snapshot = self._traffic.snapshot()
+        snapshot = self._opposite.step(self._traffic.snapshot())
         self._check_time()
         equipped = self._find_equipped(snapshot)
         truth = self._ego.step(snapshot, equipped, self._alerted)
@@ -307,7 +309,8 @@ class DriverAssistance:
         """Write incidents, and the equipped vehicles' lateral positions and bend speeds, to SUMO."""
         self._incidents.step(snapshot)
         if len(truth.handle):
-            self._traffic.write_lateral(truth.handle, self._ego.front_lateral_m())
+            lateral_m = self._opposite.of_lane(truth.handle, self._ego.front_lateral_m())
+            self._traffic.write_lateral(truth.handle, lateral_m)
             self._bend_speed.step(truth, self._roads.table)
 
     def _drive(

@@ -32,7 +32,11 @@ TABLES: dict[str, tuple[Column, ...]] = {
         _RUN,
         _TIME,
         _VEHICLE,
-        _text("lane_id", "SUMO's lane, which changes before or after the marked lane that the vehicle is in"),
+        _text(
+            "lane_id",
+            "SUMO's lane, which changes before or after the marked lane that the vehicle is in; "
+            "ends in ` against` where it overtakes on a lane of the opposite direction",
+        ),
         Column("speed_mps", "speed", decimals=3),
         Column(
             "true_lateral_offset_m", "centre of gravity, left of the centre of the marked lane that it is in"

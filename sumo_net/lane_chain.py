@@ -17,35 +17,45 @@ class Piece(NamedTuple):
     begin: float
     end: float
 
+    def turned(self) -> "Piece":
+        """The same for traffic in the other direction."""
+        return Piece(self.lane, 1.0 - self.end, 1.0 - self.begin)
+
 
 def chain(
-    graph: LaneGraph, lane: str, route_ahead: tuple[str, ...], came_from: str
+    graph: LaneGraph,
+    lane: str,
+    route_ahead: tuple[str, ...],
+    came_from: str,
+    behind_m: float = BEHIND_M,
+    ahead_m: float = AHEAD_M,
 ) -> tuple[tuple[Piece, ...], int]:
     """All pieces of the path of `lane` in driving order, and which of them is the lane's own.
 
-    The outermost lanes are cut to BEHIND_M and AHEAD_M.
+    The outermost lanes are cut to `behind_m` and `ahead_m`.
     """
-    behind, ahead = lanes_behind(graph, lane, came_from), lanes_ahead(graph, lane, route_ahead)
+    behind = lanes_behind(graph, lane, came_from, behind_m)
+    ahead = lanes_ahead(graph, lane, route_ahead, ahead_m)
     pieces = [Piece(name, 0.0, 1.0) for name in (*behind, lane, *ahead)]
     length = {name: graph.lanes[name].length_m for name in (*behind, *ahead)}
     if behind:
-        over = sum(length[name] for name in behind) - BEHIND_M
+        over = sum(length[name] for name in behind) - behind_m
         pieces[0] = pieces[0]._replace(begin=max(0.0, over / length[behind[0]]))
     if ahead:
-        over = sum(length[name] for name in ahead) - AHEAD_M
+        over = sum(length[name] for name in ahead) - ahead_m
         pieces[-1] = pieces[-1]._replace(end=min(1.0, 1.0 - over / length[ahead[-1]]))
     return tuple(pieces), len(behind)
 
 
-def lanes_behind(graph: LaneGraph, lane: str, came_from: str = "") -> list[str]:
-    """Lanes that lead to `lane`, in driving order, over BEHIND_M or more where the road is long enough.
+def lanes_behind(graph: LaneGraph, lane: str, came_from: str = "", reach_m: float = BEHIND_M) -> list[str]:
+    """Lanes that lead to `lane`, in driving order, over `reach_m` or more where the road is long enough.
 
     `came_from`: the lane the vehicle was on before. Without it, the vehicle begins here and has turned round
     no corner: only ways that lead straight on, but for those that it stands on itself.
     """
     found: list[str] = []
     length, at, own_m = 0.0, lane, graph.lanes[lane].length_m
-    while length < BEHIND_M and len(found) < _MOST_LANES:
+    while length < reach_m and len(found) < _MOST_LANES:
         inward = [c for c in graph.inward.get(at, []) if c.direction != "t" or c.source == came_from]
         if not came_from and not graph.lanes[at].internal and own_m + length > _STANDS_M:
             inward = [c for c in inward if c.direction == "s"]
@@ -64,8 +74,10 @@ def _strangeness(graph: LaneGraph, connection: Connection, came_from: str) -> tu
     return came_from not in before, not graph.lanes[source].drivable
 
 
-def lanes_ahead(graph: LaneGraph, lane: str, route_ahead: tuple[str, ...]) -> list[str]:
-    """Lanes that follow `lane` along the route's edges, over AHEAD_M or more where the road goes on.
+def lanes_ahead(
+    graph: LaneGraph, lane: str, route_ahead: tuple[str, ...], reach_m: float = AHEAD_M
+) -> list[str]:
+    """Lanes that follow `lane` along the route's edges, over `reach_m` or more where the road goes on.
 
     After the route's end, or where the lane does not lead to its next edge, the straightest way on is taken.
     """
@@ -77,7 +89,7 @@ def lanes_ahead(graph: LaneGraph, lane: str, route_ahead: tuple[str, ...]) -> li
         edges = edges[edges.index(edge) + 1 :]
     elif not graph.lanes[lane].internal:
         edges = []  # the vehicle is off its route
-    while length < AHEAD_M and len(found) < _MOST_LANES:
+    while length < reach_m and len(found) < _MOST_LANES:
         onward = [c for c in graph.onward.get(at, []) if graph.lanes[c.target].drivable]
         if not onward:
             break

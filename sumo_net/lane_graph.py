@@ -16,6 +16,7 @@ from sumo_net.xml_input import Bounded
 MOST_LENGTH_M = 200_000.0  # of a lane's shape: it is sampled every half metre
 _MOST_STRETCH = 100.0  # length of a shape over the lane's stated length, for shapes above 1 km
 DEFAULT_WIDTH_M = 3.2  # SUMO's, where a lane gives none
+AGAINST = " against"  # ends the names of lanes driven against their direction; no SUMO id has a space
 _STRAIGHT_FIRST = {"s": 0, "l": 1, "r": 1, "L": 1, "R": 1, "t": 9}  # rank of a connection's direction
 
 
@@ -33,7 +34,7 @@ class Lane:
     length_m: float  # SUMO's, which may differ from the shape's
     width_m: float
     speed_limit_mps: float
-    drivable: bool  # passenger cars may use it
+    drivable: bool  # passenger cars may use it in its direction
     walkable_only: bool  # sidewalk or crossing
     internal: bool
     shape: Array  # (points, 2)
@@ -69,6 +70,8 @@ class LaneGraph:
     lanes: dict[str, Lane] = field(default_factory=dict)
     onward: dict[str, list[Connection]] = field(default_factory=dict)  # by source lane
     inward: dict[str, list[Connection]] = field(default_factory=dict)  # by target lane, and by internal lane
+    # by lane that traffic of the opposite direction may overtake on: the lane of `lanes` that it is to them
+    against: dict[str, str] = field(default_factory=dict)
     decimals: int = 2  # of the shapes' coordinates
     left_hand: bool = False  # traffic keeps left
 
@@ -112,6 +115,7 @@ class _Reader:
         self.edge: Edge | None = None
         self.root = ""
         self.connections: list[dict[str, str]] = []
+        self.neighbours: list[tuple[str, str]] = []  # lane, and the opposite lane that it may overtake on
         self.decimals = 0
 
     def refuse_entity(self, name: str, *_: object) -> None:
@@ -131,6 +135,8 @@ class _Reader:
             self.graph.edges[self.edge.id] = self.edge
         elif tag == "lane" and self.edge is not None:
             self._lane(self.edge, given)
+        elif tag == "neigh" and self.edge is not None and self.edge.lanes:
+            self.neighbours.append((self.edge.lanes[-1], given["lane"]))
         elif tag == "connection":
             self.connections.append(given)
 
@@ -167,12 +173,31 @@ class _Reader:
         self.graph.lanes[lane.id] = lane
         edge.lanes.append(lane.id)
 
+    def _against(self, own: str, other: str) -> None:
+        graph = self.graph
+        if other not in graph.lanes:
+            raise NetworkError(f"{graph.file}: lane '{own}' has an unknown opposite lane, '{other}'")
+        if not graph.lanes[other].drivable:
+            return
+        name, beside = other + AGAINST, graph.lanes[own]
+        graph.against[other] = name
+        graph.lanes[name] = replace(
+            graph.lanes[other],
+            id=name,
+            edge=beside.edge,
+            index=beside.index + (-1 if graph.left_hand else 1),
+            drivable=False,  # of itself: no route leads there
+            shape=graph.lanes[other].shape[::-1],
+        )
+
     def finished(self) -> LaneGraph:
         graph = self.graph
         for edge in graph.edges.values():
             edge.lanes.sort(key=lambda lane: graph.lanes[lane].index, reverse=graph.left_hand)
             for index, lane in enumerate(edge.lanes if graph.left_hand else ()):
                 graph.lanes[lane] = replace(graph.lanes[lane], index=index)
+        for own, other in self.neighbours:
+            self._against(own, other)
         for given in self.connections:
             source = f"{given.get('from')}_{given.get('fromLane')}"
             target = f"{given.get('to')}_{given.get('toLane')}"

@@ -10,7 +10,7 @@ import numpy as np
 
 from sumo_net import lane_chain, lane_graph, road_fit
 from sumo_net.lane_chain import Piece
-from sumo_net.lane_graph import LaneGraph, NetworkError
+from sumo_net.lane_graph import AGAINST, LaneGraph, NetworkError
 from sumo_net.network import BuiltNetwork, Carriageway
 from sumo_net.road_fit import SmoothPath, cut
 from sumo_net.road_marking import Markings
@@ -60,7 +60,7 @@ class RoadNetwork:
         self._markings = Markings(graph, shoulder_right_m, shoulder_left_m)
         self._store = RoadStore()
         self._errors: list[float] = []
-        self._by_lanes: dict[tuple[tuple[Piece, ...], int], int] = {}
+        self._by_lanes: dict[tuple[tuple[Piece, ...], int, bool], int] = {}
         self._by_route: dict[tuple[str, tuple[str, ...], str], int] = {}
         self._ways: dict[str, Carriageway] = {}
         self._built = built
@@ -95,14 +95,23 @@ class RoadNetwork:
         """Number of the path of a lane: the lane, the lanes behind it and those ahead along the route.
 
         route_ahead: edges from the present one on. came_from: the lane the vehicle was on before, where
-        known; it selects the lanes behind. Raises KeyError for an unknown lane, NetworkError for one shorter
-        than 1 cm.
+        known; it selects the lanes behind. A lane of `LaneGraph.against` is driven against its direction,
+        and so are the lanes before and after it, straight on. Raises KeyError for an unknown lane,
+        NetworkError for one shorter than 1 cm.
         """
         asked = (lane_id, route_ahead, came_from)
         if asked not in self._by_route:
             if len(self._by_route) >= _REMEMBERED_ROUTES:
                 self._by_route.clear()
-            key = lane_chain.chain(self.graph, lane_id, route_ahead, came_from)
+            against = lane_id.endswith(AGAINST)
+            if against:
+                lane = lane_id.removesuffix(AGAINST)
+                pieces, own = lane_chain.chain(
+                    self.graph, lane, (), "", lane_chain.AHEAD_M, lane_chain.BEHIND_M
+                )
+            else:
+                pieces, own = lane_chain.chain(self.graph, lane_id, route_ahead, came_from)
+            key = pieces, own, against
             if key not in self._by_lanes:
                 self._by_lanes[key] = self._add(*key)
             self._by_route[asked] = self._by_lanes[key]
@@ -112,7 +121,7 @@ class RoadNetwork:
         """Largest lateral distance between the path and SUMO's lane shapes, m (0 for the exact highway)."""
         return self._errors[path]
 
-    def _add(self, pieces: tuple[Piece, ...], own: int) -> int:
+    def _add(self, pieces: tuple[Piece, ...], own: int, against: bool) -> int:
         lanes = [self.graph.lanes[piece.lane] for piece in pieces]
         smooth = self._exact(pieces) if self._ways else None
         if smooth is None:
@@ -124,7 +133,12 @@ class RoadNetwork:
                 raise NetworkError(f"{self.graph.file}: lane '{lanes[own].id}': {error}") from None
         self._errors.append(smooth.error_m)
         sections = [self._markings.section(lane.id) for lane in lanes]
-        return self._store.append(smooth, pieces, sections, own, lanes[own].length_m)
+        length_m = lanes[own].length_m
+        if against:
+            smooth, own = smooth.turned(), len(lanes) - 1 - own
+            pieces = tuple(piece.turned() for piece in reversed(pieces))
+            sections = [section.turned() for section in reversed(sections)]
+        return self._store.append(smooth, pieces, sections, own, length_m)
 
     def _exact(self, pieces: tuple[Piece, ...]) -> SmoothPath | None:
         # From the highway's alignment; None for pieces that are not of one lane in one direction.

@@ -61,6 +61,20 @@ class SmoothPath:
     lane_end_m: Array
     error_m: float  # largest lateral distance from the lane shapes with their arcs
 
+    def turned(self) -> "SmoothPath":
+        """The same path in the other direction."""
+        length = self.spacing_m * (len(self.x_m) - 1)
+        return SmoothPath(
+            self.spacing_m,
+            self.x_m[::-1],
+            self.y_m[::-1],
+            self.heading_rad[::-1] + math.pi,
+            -self.curvature_1pm[::-1],
+            length - self.lane_end_m[::-1],
+            length - self.lane_start_m[::-1],
+            self.error_m,
+        )
+
 
 def fit(shapes: list[Array], rounding_m: float = 0.005) -> SmoothPath:
     """Fit one smooth path to the shapes (points, 2) of consecutive lanes, whose rounding error is rounding_m.

@@ -31,6 +31,17 @@ class Section:
     fraction: Array  # (knots,) of the lane's length, 0 to 1
     edge_station_m: Array  # (knots,) edge-anchored: along the rightmost lane, counted through joining nodes
 
+    def turned(self) -> "Section":
+        """The same for traffic in the other direction; its stations are below 0."""
+        return Section(
+            -self.border_offset_m[::-1],
+            self.border_kind[::-1],
+            -self.road_left_m,
+            -self.road_right_m,
+            1.0 - self.fraction[::-1],
+            -self.edge_station_m[::-1],
+        )
+
 
 class Markings:
     """Sections of all lanes of a network, computed on request."""

@@ -1,0 +1,58 @@
+"""Vehicles that overtake on the lane of the opposite direction (SUMO's opposite-direction driving).
+
+SUMO reports them on that lane, with a lane position that falls as they drive. Here they are on a lane of
+their own, `LaneGraph.against`: the same place, in their driving direction, left of their edge's lanes.
+"""
+
+import numpy as np
+
+from sumo_net.lane_graph import LaneGraph
+from sumo_net.snapshot import Array, Snapshot
+from sumo_net.traffic import Traffic
+
+
+class OppositeLanes:
+    """Finds the vehicles that drive against a lane's direction."""
+
+    def __init__(self, graph: LaneGraph, traffic: Traffic) -> None:
+        """Adds the lanes of `graph.against` to `traffic.lane_ids`."""
+        self._traffic = traffic
+        number = {name: k for k, name in enumerate(traffic.lane_ids)}
+        known = sorted((number[real], lane) for real, lane in graph.against.items() if real in number)
+        self._lane = np.array([k for k, _ in known], np.int32)
+        self._edge = [graph.lanes[traffic.lane_ids[k]].edge for k, _ in known]
+        self._against = len(number) + np.arange(len(known), dtype=np.int32)
+        self._length_m = np.array([graph.lanes[lane].length_m for _, lane in known])
+        traffic.lane_ids.extend(lane for _, lane in known)
+        self._turned: dict[int, tuple[int, bool]] = {}  # by handle: the lane looked at last, and the answer
+
+    def step(self, snapshot: Snapshot) -> Snapshot:
+        """The snapshot with such vehicles on the lanes of `LaneGraph.against`."""
+        if not len(self._lane):
+            return snapshot
+        at = np.minimum(np.searchsorted(self._lane, snapshot.lane), len(self._lane) - 1)
+        rows = np.flatnonzero(self._lane[at] == snapshot.lane)
+        handles = snapshot.handle[rows].tolist()
+        known, self._turned = self._turned, {}
+        for handle, k in zip(handles, at[rows].tolist(), strict=True):
+            before = known.get(handle)
+            turned = before[1] if before is not None and before[0] == k else self._is_turned(handle, k)
+            self._turned[handle] = k, turned
+        rows = rows[[self._turned[handle][1] for handle in handles]]
+        if not len(rows):
+            return snapshot
+        lane, position = snapshot.lane.copy(), snapshot.lane_position_m.copy()
+        lane[rows] = self._against[at[rows]]
+        position[rows] = self._length_m[at[rows]] - position[rows]
+        return snapshot._replace(lane=lane, lane_position_m=position)
+
+    def of_lane(self, handle: Array, left_m: Array) -> Array:
+        """Offsets (n,) of vehicles to their left, as offsets left of SUMO's lanes in the lanes' direction."""
+        if not self._turned:
+            return left_m
+        turned = np.array([self._turned.get(one, (-1, False))[1] for one in handle.tolist()], np.bool_)
+        return np.where(turned, -left_m, left_m)
+
+    def _is_turned(self, handle: int, k: int) -> bool:
+        # the route goes on along the vehicle's own edge
+        return self._edge[k] not in self._traffic.route_ahead(handle)[:1]
