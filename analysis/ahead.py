@@ -6,7 +6,6 @@ import numpy as np
 
 from analysis.camera_view import path_in_image
 from camera_synth.camera import Camera, projection
-from plugin.lane import refine
 from plugin.lane.estimate import LaneEstimate
 from plugin.motion import observer
 from plugin.motion.observer import ObserverSettings
@@ -35,8 +34,7 @@ class Driven:
         self._projection = projection(camera)
         self._speed = np.array([speed_mps])
         self._vehicle = Vehicle()
-        preview = refine.preview_distance(self._projection)
-        self._schedule = observer.schedule(self._vehicle, preview, ObserverSettings(), step_s)
+        self._schedule = observer.schedule(self._vehicle, camera.preview_m, ObserverSettings(), step_s)
         self._predictor = predictor(self._vehicle, PredictionSettings(horizon_s=2.0))
         self._numbers = departure.numbers(DepartureSettings(), step_s)
         self._begin()
@@ -51,7 +49,7 @@ class Driven:
         speed = self._speed
         self._observed, motion = observer.step(self._observed, self._schedule, lane, speed)
         ahead = predict(motion, speed, self._predictor)
-        crossing = time_to_lane_crossing(motion, ahead, self._predictor.step, self._vehicle)
+        crossing = time_to_lane_crossing(motion, ahead, self._predictor.step_s, self._vehicle)
         unseen_m = lane.left_unseen_m, lane.right_unseen_m
         self._warned, warning = departure.step(
             self._warned, crossing, motion, unseen_m, speed, np.zeros(1, np.int8), self._numbers

@@ -85,7 +85,7 @@ def motion() -> None:
     _, known = observer.step(observer.init(1, schedule), schedule, lane, still, OwnReadings(still, still))
     predictor = prediction.predictor(vehicle, prediction.PredictionSettings())
     path = prediction.predict(known, still, predictor)
-    crossing = time_to_lane_crossing(known, path, predictor.step, vehicle, still)
+    crossing = time_to_lane_crossing(known, path, predictor.step_s, vehicle, still)
     numbers = departure.numbers(departure.DepartureSettings())
     departure.step(departure.init(1), crossing, known, (still, still), still, np.zeros(1, np.int8), numbers)
     kinds = {"handle": np.int64, "path": np.int32, "lanes_left": np.int32, "on_marked_road": np.bool_}

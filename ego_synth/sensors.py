@@ -6,6 +6,7 @@ rate and steering drift. Noise and resolution are those of a recorded production
 see docs/ego_sensors.md. Lags shorter than the step of 0.1 s are neglected.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -14,8 +15,10 @@ import numpy as np
 from pydantic import Field
 
 from ego_synth import sensor_kernels
+from ego_synth.sensor_kernels import SensorNumbers
 from sumo_net.randomness import generator, stream_key
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
+from sumo_net.step import STEP_S
 
 Array = np.ndarray[Any, Any]
 
@@ -105,6 +108,17 @@ class Readings(NamedTuple):
     steering_wheel_rad: Array
 
 
+@functools.cache
+def _numbers(sensors: EgoSensors) -> SensorNumbers:
+    per_step = math.sqrt(STEP_S)
+    return kernel_view(
+        SensorNumbers,
+        sensors,
+        yaw_rate_walk_rps=sensors.yaw_rate_walk_rps * per_step,
+        steering_walk_rad=sensors.steering_walk_rad * per_step,
+    )
+
+
 def init(sensors: EgoSensors, seed: int, vehicle_ids: Sequence[str]) -> SensorState:
     """The sensors of n vehicles before their first reading, each drawn from (seed, vehicle id) alone."""
     c = sensors
@@ -145,7 +159,5 @@ def read(
         return state, Readings(speed_mps, acceleration_mps2, yaw_rate_rps, np.full(n, np.nan))
     new = SensorState(*(part.copy() for part in state))
     out = Readings(*(np.empty(n) for _ in Readings._fields))
-    sensor_kernels.read(
-        sensor_kernels.numbers(sensors), new, speed_mps, acceleration_mps2, yaw_rate_rps, steer_rad, out
-    )
+    sensor_kernels.read(_numbers(sensors), new, speed_mps, acceleration_mps2, yaw_rate_rps, steer_rad, out)
     return new, out

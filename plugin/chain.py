@@ -132,7 +132,7 @@ class Chain:
         vision, sight = self.vision.step(before.vision, scene, speed, turning)
         observing, motion = observer.step(before.observer, self._observing, sight.lane, speed, own.observed)
         path = prediction.predict(motion, speed, self._predicting)
-        crossing = time_to_lane_crossing(motion, path, self._predicting.step, self._vehicle, half_span_m)
+        crossing = time_to_lane_crossing(motion, path, self._predicting.step_s, self._vehicle, half_span_m)
         unseen_m = sight.lane.left_unseen_m, sight.lane.right_unseen_m
         warning_state, warning = departure.step(
             before.departure, crossing, motion, unseen_m, speed, truth.signal, self._warning

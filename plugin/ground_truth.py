@@ -35,7 +35,7 @@ class Judge:
         later = min(max(int(np.searchsorted(AHEAD_M, preview_m)), 1), len(AHEAD_M) - 1)
         before, after = AHEAD_M[later - 1], AHEAD_M[later]
         self._at = later, float((preview_m - before) / (after - before))
-        self._horizon = np.rint(np.array(HORIZONS_S) / predictor.step).astype(np.int64) - 1
+        self._horizon = np.rint(np.array(HORIZONS_S) / predictor.step_s).astype(np.int64) - 1
 
     def reference(
         self,

@@ -17,6 +17,7 @@ import pydantic
 import pydantic.dataclasses
 
 T = TypeVar("T")
+N = TypeVar("N", bound=tuple[Any, ...])
 
 _MOST_FINDINGS = 20  # that are told
 _LONGEST_VALUE = 300  # and of a message as a whole:
@@ -65,6 +66,16 @@ def read(cls: type[T], mapping: Mapping[str, Any], source: str) -> T:
         if len(errors) > _MOST_FINDINGS:
             lines.append(f"and {len(errors) - _MOST_FINDINGS} more")
         raise SettingsError("\n".join(f"{source}: {line}" for line in lines)) from None
+
+
+def kernel_view(form: type[N], settings: Any, **others: Any) -> N:
+    """`form`, a NamedTuple that kernels take: `others`, and the settings that have the names of its fields.
+
+    A field that is neither keeps its default.
+    """
+    kept: Any = form
+    names = [name for name in kept._fields if name not in others and name not in kept._field_defaults]
+    return form(**{name: getattr(settings, name) for name in names}, **others)
 
 
 def read_toml(path: Path) -> dict[str, Any]:

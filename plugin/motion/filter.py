@@ -48,7 +48,7 @@ from plugin.motion.filter_kernels import (
     N,
     R,
 )
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 from sumo_net.vehicle import STANDSTILL_MPS, Vehicle, single_track, steady_state
 
 _TABLE_STEP_MPS = 1.0
@@ -246,34 +246,23 @@ def schedule(
     offsets = [c.yaw_rate_offset_rps, c.steer_offset_rad]
     first = np.array([_UNKNOWN_V_Y, _UNKNOWN_YAW, *seen, *own, *offsets])
     turns = [_turn(vehicle, max(float(v), STANDSTILL_MPS)) for v in speeds]
-    return FilterSchedule(
-        np.array([transition for transition, _ in held]),
-        np.array([noise for _, noise in held]),
-        np.array([steer_shares(vehicle, c, float(v)) for v in speeds]),
-        np.array(turns),
-        first**2,
-        W @ H,
-        W,
-        _per_unrest(c),
-        c.slip_error,
-        c.liveliness,
-        _TABLE_STEP_MPS,
-        preview_m,
-        step_s,
-        coast_s,
-        c.settle_s,
-        c.doubt_sd,
-        c.clip_sd,
-        c.misfit_m,
-        c.misfit_looks,
-        c.one_border_factor,
-        c.width_share,
-        c.yaw_rate_reading_rps**2,
-        c.steer_reading_rad**2,
-        c.steer_scale,
-        c.slow_mps,
-        c.sensed_look_factor,
-        c.sensed_slip_error,
+    return kernel_view(
+        FilterSchedule,
+        c,
+        transition=np.array([transition for transition, _ in held]),
+        noise=np.array([noise for _, noise in held]),
+        steer=np.array([steer_shares(vehicle, c, float(v)) for v in speeds]),
+        steady=np.array(turns),
+        initial=first**2,
+        whitened=W @ H,
+        whitener=W,
+        quick=_per_unrest(c),
+        spacing=_TABLE_STEP_MPS,
+        preview=preview_m,
+        step=step_s,
+        coast_s=coast_s,
+        yaw_rate_noise=c.yaw_rate_reading_rps**2,
+        steer_noise=c.steer_reading_rad**2,
     )
 
 

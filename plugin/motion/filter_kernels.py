@@ -45,19 +45,19 @@ class FilterSchedule(NamedTuple):
     spacing: float  # m/s between two speeds
     preview: float
     step: float
-    coast: float  # s
-    settle: float  # s
-    doubt: float  # standard deviations from which on an innovation contradicts the estimate
-    clip: float  # standard deviations at which innovations are clipped
-    away: float  # m, offset innovation from which on a look is a misfit, whatever the covariance
-    misfits: int  # more misfits in a row than this restart the filter
-    one_border: float  # factor on the standard deviations while only one border is seen
-    width_gain: float
+    coast_s: float
+    settle_s: float
+    doubt_sd: float  # standard deviations from which on an innovation contradicts the estimate
+    clip_sd: float  # standard deviations at which innovations are clipped
+    misfit_m: float  # offset innovation from which on a look is a misfit, whatever the covariance
+    misfit_looks: int  # more misfits in a row than this restart the filter
+    one_border_factor: float  # on the standard deviations while only one border is seen
+    width_share: float
     yaw_rate_noise: float  # variance of a reading of the gyroscope
     steer_noise: float  # variance of a reading of the front wheels' steer, at speed
     steer_scale: float  # further error of the reading, as a share of the steer
-    slow: float  # m/s, below which the steer is trusted less and less
-    sensed_look: float  # factor on the standard deviations of offset and heading while both sensors read
+    slow_mps: float  # below which the steer is trusted less and less
+    sensed_look_factor: float  # on those of offset and heading while both sensors read
     sensed_slip_error: float  # replaces slip_error then
 
 
@@ -96,7 +96,7 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
         borders = int(lane.left_border_seen[i]) + int(lane.right_border_seen[i])
         seen = lane.locked[i] and borders > 0 and math.isfinite(z[0] + z[1] + z[2] + z[3])
         unseen = 0.0 if seen else state.unseen[i] + s.step
-        running = state.running[i] and unseen <= s.coast + 1e-9 and math.isfinite(v)
+        running = state.running[i] and unseen <= s.coast_s + 1e-9 and math.isfinite(v)
         if not running and not (seen and math.isfinite(v)):
             forget(i, state, new, out)
             continue
@@ -115,7 +115,7 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
             if math.isfinite(state.width[i]):
                 width = state.width[i]
                 if seen and math.isfinite(lane.lane_width_m[i]):
-                    width += s.width_gain * (lane.lane_width_m[i] - width)
+                    width += s.width_share * (lane.lane_width_m[i] - width)
             predict(state.x[i], state.P[i], j, w, s, F, Q, half, x, P)
             # The error of another load grows with the turn; large steering is likely to change soon.
             turn, steered = min(abs(v * x[YAW]), _HARDEST_MPS2), min(abs(x[R]), _HARDEST_MPS2)
@@ -131,14 +131,14 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                     jump = round((x[D] - z[0]) / width)
                     x[D] -= jump * width
                     shift += jump
-                spread = s.one_border if borders == 1 else 1.0
-                away = abs(z[0] - x[D]) > s.away
-                pose_spread = spread * s.sensed_look if sensed else spread
+                spread = s.one_border_factor if borders == 1 else 1.0
+                away = abs(z[0] - x[D]) > s.misfit_m
+                pose_spread = spread * s.sensed_look_factor if sensed else spread
                 copy_vector(x, x_before)
                 copy_matrix(P, P_before)
                 off = update(x, P, z, pose_spread, spread, s, gain, PH)
-                contradicted = sensed and off > s.doubt
-                if off > _GROSS * s.clip and not away:
+                contradicted = sensed and off > s.doubt_sd
+                if off > _GROSS * s.clip_sd and not away:
                     # An abrupt manoeuvre rather than an error of the camera: the variances of what is not
                     # measured are raised. With own sensors that is the lane, not the motion.
                     if sensed:
@@ -148,11 +148,11 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                     else:
                         reopen(P, _REOPENED)
                     off = update(x, P, z, pose_spread, spread, s, gain, PH)
-                misfits = misfits + 1 if away or off > _GROSS * s.clip else 0
-                if contradicted or off > s.doubt:
+                misfits = misfits + 1 if away or off > _GROSS * s.clip_sd else 0
+                if contradicted or off > s.doubt_sd:
                     settled = 0.0
-                running = misfits <= s.misfits
-            elif unseen > s.settle - 1e-9:
+                running = misfits <= s.misfit_looks
+            elif unseen > s.settle_s - 1e-9:
                 settled = 0.0
         if not running:
             begin(z, j, w, v, s, x, P)
@@ -161,7 +161,7 @@ def step(state, s, lane, own, speed, new, out):  # type: ignore[no-untyped-def]
                 keep(state.running[i], state.x[i], state.P[i], x, P)
                 sense(x, P, yaw_rate, steer, j, w, v, s, gain, PH)
                 if state.running[i]:
-                    age = s.settle  # the motion is known
+                    age = s.settle_s  # the motion is known
         new.running[i], new.width[i], new.unseen[i] = True, width, unseen
         new.age[i], new.misfits[i], new.settled[i] = age, misfits, settled
         report(i, x, j, w, s, age, width, shift, out)
@@ -213,7 +213,7 @@ def update(x, P, z, pose_spread, road_spread, s, gain, PH):  # type: ignore[no-u
                 PH[r] += P[r, c] * s.whitened[m, c]
         for r in range(N):
             S += s.whitened[m, r] * PH[r]
-        limit = s.clip * math.sqrt(S)
+        limit = s.clip_sd * math.sqrt(S)
         worst = max(worst, abs(residual) / math.sqrt(S))
         if abs(residual) > _GROSS * limit:  # the larger, the less it counts
             residual = _GROSS * limit * limit / residual
@@ -239,16 +239,16 @@ def sense(x, P, yaw_rate, steer, j, w, v, s, row, PH):  # type: ignore[no-untype
     if math.isfinite(yaw_rate):
         row[:] = 0.0
         row[YAW] = row[GYRO] = 1.0
-        _reading(x, P, yaw_rate, s.yaw_rate_noise, s.clip, _REOPENED_BY_YAW_RATE, row, PH)
+        _reading(x, P, yaw_rate, s.yaw_rate_noise, s.clip_sd, _REOPENED_BY_YAW_RATE, row, PH)
     if math.isfinite(steer) and v > 0.1:
         row[:] = 0.0
         row[K] = (1.0 - w) * s.steer[j, 0] + w * s.steer[j + 1, 0]
         row[KRATE] = (1.0 - w) * s.steer[j, 1] + w * s.steer[j + 1, 1]
         row[R] = (1.0 - w) * s.steer[j, 2] + w * s.steer[j + 1, 2]
         row[UNREST], row[CALM], row[ALIGNMENT] = s.quick, -s.quick, 1.0
-        slowness = max(s.slow / v, 1.0) ** 4
+        slowness = max(s.slow_mps / v, 1.0) ** 4
         noise = slowness * (s.steer_noise + (s.steer_scale * steer) ** 2)
-        _reading(x, P, steer, noise, s.clip, _REOPENED_BY_STEER, row, PH)
+        _reading(x, P, steer, noise, s.clip_sd, _REOPENED_BY_STEER, row, PH)
 
 
 @kernel
@@ -329,7 +329,7 @@ def report(i, x, j, w, s, age, width, shift, out):  # type: ignore[no-untyped-de
     out.steer_rad[i] = (1.0 - w) * here + w * next_ + quick
     out.quick_steer_rad[i] = quick
     out.lane_width_m[i], out.lane_shift[i] = width, shift
-    if age < s.settle - 1e-9:
+    if age < s.settle_s - 1e-9:
         unknown(i, out)
         out.lane_shift[i] = shift
 

@@ -15,7 +15,7 @@ from pydantic import Field
 from plugin.motion import prediction_kernels
 from plugin.motion.estimate import Array, MotionEstimate, Trajectory
 from plugin.motion.prediction_kernels import Predictor
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 from sumo_net.vehicle import Vehicle, model
 
 
@@ -68,24 +68,18 @@ class PredictionSettings:
 def predictor(vehicle: Vehicle, settings: PredictionSettings) -> Predictor:
     """Kernel parameters of the predictor."""
     c = settings
-    return Predictor(
-        model(vehicle),
-        vehicle.understeer,
-        c.step_s,
-        c.steps,
-        c.mode == "refined",
-        1.0 / c.residual_time_s,
-        c.steer_lag_s,
-        c.unrest_rad,
-        1.0 / c.unrest_time_s,
-        c.calm_mps2,
-        c.unrest_doubt,
-        c.preview_s,
-        c.slow_mps,
-        c.return_gain * c.return_bandwidth_rps**2,
-        c.return_gain * 2.0 * c.return_damping * c.return_bandwidth_rps,
-        c.curvature_reach_m,
-        c.road_jerk_mps3 if c.mode == "refined" else np.inf,
+    follows_road = c.mode == "refined"
+    return kernel_view(
+        Predictor,
+        c,
+        model=model(vehicle),
+        understeer=vehicle.understeer,
+        follows_road=follows_road,
+        residual_rate=1.0 / c.residual_time_s,
+        unrest_rate=1.0 / c.unrest_time_s,
+        stiffness=c.return_gain * c.return_bandwidth_rps**2,
+        damping=c.return_gain * 2.0 * c.return_damping * c.return_bandwidth_rps,
+        road_jerk_mps3=c.road_jerk_mps3 if follows_road else np.inf,
     )
 
 

@@ -18,21 +18,21 @@ class Predictor(NamedTuple):
 
     model: Model
     understeer: float
-    step: float
+    step_s: float
     steps: int
     follows_road: bool  # False: steer held (paper)
     residual_rate: float  # 1/s, 0 holds the residual
-    lag: float  # s
-    unrest: float  # rad, standard deviation of the fast steering jitter
+    steer_lag_s: float  # s
+    unrest_rad: float  # rad, standard deviation of the fast steering jitter
     unrest_rate: float  # 1/s
-    calm: float  # m/s², residual of a steady driver
-    doubt: float  # how much less of a larger residual is taken for jitter
-    preview: float  # s
-    slow: float  # m/s
+    calm_mps2: float  # m/s², residual of a steady driver
+    unrest_doubt: float  # how much less of a larger residual is taken for jitter
+    preview_s: float  # s
+    slow_mps: float  # m/s
     stiffness: float  # 1/s², return to the lane centre
     damping: float  # 1/s
-    reach: float  # m
-    jerk: float  # m/s³, lateral jerk up to which a change of curvature is believed; inf: always
+    curvature_reach_m: float  # m
+    road_jerk_mps3: float  # m/s³, lateral jerk up to which a change of curvature is believed; inf: always
 
 
 @kernel
@@ -109,23 +109,23 @@ def single_track(motion, speed, q, out):  # type: ignore[no-untyped-def]
     for i in range(speed.size):
         v, v_y, yaw = max(0.0, speed[i]), motion.lateral_speed_mps[i], motion.yaw_rate_rps[i]
         steer, k = motion.steer_rad[i], motion.curvature_1pm[i]
-        rate = believed(motion.curvature_rate_1pm2[i], v, q.jerk)
+        rate = believed(motion.curvature_rate_1pm2[i], v, q.road_jerk_mps3)
         s, d, psi = 0.0, motion.lateral_offset_m[i], motion.heading_error_rad[i]
         x, y, heading = 0.0, 0.0, 0.0
-        e11, e12, e21, e22, g1, g2 = hold(v, q.model, q.step)
+        e11, e12, e21, e22, g1, g2 = hold(v, q.model, q.step_s)
         per = q.model.l_f + q.model.l_r + q.understeer * v * v
-        share = per / max(v, q.slow) ** 2
-        ahead = q.preview * v
-        beyond = steer - per * road(k, rate, ahead, q.reach)
+        share = per / max(v, q.slow_mps) ** 2
+        ahead = q.preview_s * v
+        beyond = steer - per * road(k, rate, ahead, q.curvature_reach_m)
         u, w = motion.quick_steer_rad[i], 0.0
         if math.isnan(u):
-            u = beyond * unrest_share(beyond, q.calm * share, q.unrest, q.doubt)
+            u = beyond * unrest_share(beyond, q.calm_mps2 * share, q.unrest_rad, q.unrest_doubt)
         residual = (beyond - u) / share
         drift = v * math.sin(psi) + v_y * math.cos(psi)
         aim = residual + q.stiffness * d + q.damping * drift  # the driver's intention, without the feedback
-        fade = math.exp(-q.residual_rate * q.step)
-        follow = 1.0 - math.exp(-q.step / q.lag)
-        turns = q.step * q.unrest_rate
+        fade = math.exp(-q.residual_rate * q.step_s)
+        follow = 1.0 - math.exp(-q.step_s / q.steer_lag_s)
+        turns = q.step_s * q.unrest_rate
         keep = math.exp(-turns)
         for j in range(q.steps):
             mean_steer = steer
@@ -133,14 +133,14 @@ def single_track(motion, speed, q, out):  # type: ignore[no-untyped-def]
                 aim *= fade
                 before = residual
                 residual += follow * (aim - q.stiffness * d - q.damping * drift - residual)
-                asked = per * road(k, rate, s + 0.5 * q.step * v + ahead, q.reach)
+                asked = per * road(k, rate, s + 0.5 * q.step_s * v + ahead, q.curvature_reach_m)
                 quick = u - w
                 u, w = keep * u, keep * (w + turns * u)
                 mean_steer = asked + 0.5 * (share * (before + residual) + quick + u - w)
             v_y1 = e11 * v_y + e12 * yaw + g1 * mean_steer
             yaw1 = e21 * v_y + e22 * yaw + g2 * mean_steer
             x, y, heading, s, d, psi = travel(
-                x, y, heading, s, d, psi, v, v_y, v_y1, yaw, yaw1, k, rate, q.reach, q.step
+                x, y, heading, s, d, psi, v, v_y, v_y1, yaw, yaw1, k, rate, q.curvature_reach_m, q.step_s
             )
             v_y, yaw = v_y1, yaw1
             drift = v * math.sin(psi) + v_y * math.cos(psi)
@@ -153,12 +153,12 @@ def constant_radius(motion, speed, q, out):  # type: ignore[no-untyped-def]
     """Trajectory with the present yaw rate and slip held, for n vehicles, into `out`."""
     for i in range(speed.size):
         v, v_y, yaw = max(0.0, speed[i]), motion.lateral_speed_mps[i], motion.yaw_rate_rps[i]
-        k, rate = motion.curvature_1pm[i], believed(motion.curvature_rate_1pm2[i], v, q.jerk)
+        k, rate = motion.curvature_1pm[i], believed(motion.curvature_rate_1pm2[i], v, q.road_jerk_mps3)
         s, d, psi = 0.0, motion.lateral_offset_m[i], motion.heading_error_rad[i]
         x, y, heading = 0.0, 0.0, 0.0
         for j in range(q.steps):
             x, y, heading, s, d, psi = travel(
-                x, y, heading, s, d, psi, v, v_y, v_y, yaw, yaw, k, rate, q.reach, q.step
+                x, y, heading, s, d, psi, v, v_y, v_y, yaw, yaw, k, rate, q.curvature_reach_m, q.step_s
             )
             out.forward_m[i, j], out.left_m[i, j], out.heading_rad[i, j] = x, y, heading
             out.lane_offset_m[i, j], out.lane_heading_rad[i, j] = d, psi
@@ -169,15 +169,20 @@ def constant_velocity(motion, speed, q, out):  # type: ignore[no-untyped-def]
     """Trajectory along the road with the present lateral velocity, d + ḋ t, for n vehicles, into `out`."""
     for i in range(speed.size):
         v, k = max(0.0, speed[i]), motion.curvature_1pm[i]
-        rate = believed(motion.curvature_rate_1pm2[i], v, q.jerk)
+        rate = believed(motion.curvature_rate_1pm2[i], v, q.road_jerk_mps3)
         d, psi = motion.lateral_offset_m[i], motion.heading_error_rad[i]
         drift = v * math.sin(psi) + motion.lateral_speed_mps[i] * math.cos(psi)
         direction = -psi  # of the lane in the vehicle frame, starting at the foot of the vehicle on the lane
         x, y = d * math.sin(direction), -d * math.cos(direction)
         for j in range(q.steps):
-            t, h = (j + 1) * q.step, q.step
+            t, h = (j + 1) * q.step_s, q.step_s
             s = j * h * v
-            turn = 0.5 * h * v * (road(k, rate, s, q.reach) + road(k, rate, s + h * v, q.reach))
+            turn = (
+                0.5
+                * h
+                * v
+                * (road(k, rate, s, q.curvature_reach_m) + road(k, rate, s + h * v, q.curvature_reach_m))
+            )
             x += h * v * math.cos(direction + 0.5 * turn)
             y += h * v * math.sin(direction + 0.5 * turn)
             direction += turn

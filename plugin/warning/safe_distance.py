@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 from pydantic import Field
 
 from sumo_net.compile import kernel
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 
 ModelName = Literal["mazda", "honda", "berkeley", "camp", "ttc"]
 MODELS: tuple[ModelName, ...] = ("mazda", "honda", "berkeley", "camp", "ttc")
@@ -75,54 +75,31 @@ class SafeNumbers(NamedTuple):
 
     model: int
     share: float
-    mazda_own: float
-    mazda_leader: float
-    mazda_system: float
-    mazda_driver: float
-    mazda_least: float
-    mazda_margin: float
-    honda_time: float
-    honda_least: float
-    honda_brake: float
-    honda_system: float
-    honda_braking: float
-    berkeley_brake: float
-    berkeley_time: float
-    berkeley_least: float
-    camp_reminder: float
-    camp_danger: float
-    camp_least: float
-    ttc_reminder: float
-    ttc_danger: float
-    ttc_reaction: float
+    mazda_own_mps2: float
+    mazda_leader_mps2: float
+    mazda_system_s: float
+    mazda_driver_s: float
+    mazda_least_m: float
+    mazda_margin_m: float
+    honda_time_s: float
+    honda_least_m: float
+    honda_mps2: float
+    honda_system_s: float
+    honda_braking_s: float
+    berkeley_mps2: float
+    berkeley_s: float
+    berkeley_least_m: float
+    camp_reminder_s: float
+    camp_danger_s: float
+    camp_least_m: float
+    ttc_reminder_s: float
+    ttc_danger_s: float
+    ttc_reaction_s: float
 
 
 def numbers(s: SafeDistance) -> SafeNumbers:
     """The kernel's view of the settings."""
-    return SafeNumbers(
-        MODELS.index(s.model),
-        s.share,
-        s.mazda_own_mps2,
-        s.mazda_leader_mps2,
-        s.mazda_system_s,
-        s.mazda_driver_s,
-        s.mazda_least_m,
-        s.mazda_margin_m,
-        s.honda_time_s,
-        s.honda_least_m,
-        s.honda_mps2,
-        s.honda_system_s,
-        s.honda_braking_s,
-        s.berkeley_mps2,
-        s.berkeley_s,
-        s.berkeley_least_m,
-        s.camp_reminder_s,
-        s.camp_danger_s,
-        s.camp_least_m,
-        s.ttc_reminder_s,
-        s.ttc_danger_s,
-        s.ttc_reaction_s,
-    )
+    return kernel_view(SafeNumbers, s, model=MODELS.index(s.model))
 
 
 @kernel
@@ -157,9 +134,9 @@ def time_to_collision(gap, v, a, v_l, a_l):  # type: ignore[no-untyped-def]
 @kernel
 def mazda(v, v_l, p):  # type: ignore[no-untyped-def]
     """(v²/α₁ - v_l²/α₂)/2 + v τ₁ + c τ₂ + d₀ (Doi et al. 1994, as in Seiler, Song, Hedrick, SAE 980853)."""
-    brake = 0.5 * (v * v / p.mazda_own - v_l * v_l / p.mazda_leader) / p.share
-    danger = brake + v * p.mazda_system + (v - v_l) * p.mazda_driver + p.mazda_least
-    return danger + p.mazda_margin, danger
+    brake = 0.5 * (v * v / p.mazda_own_mps2 - v_l * v_l / p.mazda_leader_mps2) / p.share
+    danger = brake + v * p.mazda_system_s + (v - v_l) * p.mazda_driver_s + p.mazda_least_m
+    return danger + p.mazda_margin_m, danger
 
 
 @kernel
@@ -167,19 +144,19 @@ def honda(v, v_l, p):  # type: ignore[no-untyped-def]
     """2.2 c + 6.2; c τ₂ + τ₁ τ₂ α - α τ₁²/2, or where the leader stops within τ₂,
     v τ₂ - α (τ₂ - τ₁)²/2 - v_l²/(2 α) (Fujita et al. 1995, as in Seiler, Song, Hedrick, SAE 980853).
     """
-    c, alpha, t1, t2 = v - v_l, p.honda_brake, p.honda_system, p.honda_braking
+    c, alpha, t1, t2 = v - v_l, p.honda_mps2, p.honda_system_s, p.honda_braking_s
     if v_l / alpha >= t2:
         danger = c * t2 + t1 * t2 * alpha - 0.5 * alpha * t1 * t1
     else:
         danger = v * t2 - 0.5 * alpha * (t2 - t1) ** 2 - v_l * v_l / (2.0 * alpha)
-    return p.honda_time * c / p.share + p.honda_least, danger / p.share
+    return p.honda_time_s * c / p.share + p.honda_least_m, danger / p.share
 
 
 @kernel
 def berkeley(v, v_l, p):  # type: ignore[no-untyped-def]
     """(v² - v_l²)/(2 α) + v τ + d₀; c τ + α τ²/2 (Seiler, Song, Hedrick, SAE 980853)."""
-    alpha, tau = p.berkeley_brake, p.berkeley_time
-    reminder = 0.5 * (v * v - v_l * v_l) / (alpha * p.share) + v * tau + p.berkeley_least
+    alpha, tau = p.berkeley_mps2, p.berkeley_s
+    reminder = 0.5 * (v * v - v_l * v_l) / (alpha * p.share) + v * tau + p.berkeley_least_m
     return reminder, ((v - v_l) * tau + 0.5 * alpha * tau * tau) / p.share
 
 
@@ -217,8 +194,8 @@ def camp(v, a, v_l, a_l, p):  # type: ignore[no-untyped-def]
 
     After the delay the driver brakes by -0.165 + 0.685 a_l + 0.080 (leader moving) - 0.00889 c, in g.
     """
-    reminder = _camp_range(v, a, v_l, a_l, p.camp_reminder, p) + p.camp_least
-    danger = _camp_range(v, a, v_l, a_l, p.camp_danger, p) + p.camp_least
+    reminder = _camp_range(v, a, v_l, a_l, p.camp_reminder_s, p) + p.camp_least_m
+    danger = _camp_range(v, a, v_l, a_l, p.camp_danger_s, p) + p.camp_least_m
     return max(reminder, danger), danger
 
 
@@ -238,8 +215,8 @@ def _closed_within(v, a, v_l, a_l, time):  # type: ignore[no-untyped-def]
 @kernel
 def ttc(v, a, v_l, a_l, p):  # type: ignore[no-untyped-def]
     """The gaps at which the time to collision at constant accelerations falls under the two times."""
-    reminder = p.ttc_reaction + max(p.ttc_reminder - p.ttc_reaction, 0.0) / p.share
-    danger = p.ttc_reaction + max(p.ttc_danger - p.ttc_reaction, 0.0) / p.share
+    reminder = p.ttc_reaction_s + max(p.ttc_reminder_s - p.ttc_reaction_s, 0.0) / p.share
+    danger = p.ttc_reaction_s + max(p.ttc_danger_s - p.ttc_reaction_s, 0.0) / p.share
     return _closed_within(v, a, v_l, a_l, reminder), _closed_within(v, a, v_l, a_l, danger)
 
 

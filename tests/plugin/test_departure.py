@@ -49,7 +49,7 @@ def play(
         m = motion(lateral_speed=drift[k], offset=np.where(known[k], offset[k], np.nan))
         m = m._replace(lane_shift=shift[k].copy(), settled_s=settled[k].copy())
         path = constant_velocity(m, v[k].copy(), PREDICTOR)
-        crossing = time_to_lane_crossing(m, path, PREDICTOR.step, HALF)
+        crossing = time_to_lane_crossing(m, path, PREDICTOR.step_s, HALF)
         unseen_m = unseen[0][k].copy(), unseen[1][k].copy()
         state, warning = departure.step(state, crossing, m, unseen_m, v[k].copy(), signal[k].copy(), numbers)
         out.append(warning)
