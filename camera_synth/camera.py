@@ -58,15 +58,8 @@ class Camera:
 
     @property
     def preview_m(self) -> float:
-        """D_L: distance in m from the centre of gravity to where the optical axis meets the road.
-
-        Raises ValueError for a camera that looks up or level.
-        """
-        if self.pitch_rad <= 0.0:
-            raise ValueError(
-                f"pitch_rad = {self.pitch_rad}: must be above 0 (camera that looks down) for a preview point"
-            )
-        return self.forward_m + self.height_m / math.tan(self.pitch_rad) * math.cos(self.yaw_rad)
+        """D_L: distance in m of the preview point from the centre of gravity, see `preview_distance`."""
+        return preview_distance(projection(self))
 
 
 class Projection(NamedTuple):
@@ -100,6 +93,16 @@ def projection(camera: Camera) -> Projection:
         camera.left_m,
         camera.vertical_focal_px,
     )
+
+
+def preview_distance(p: Projection) -> float:
+    """D_L: distance in m from the centre of gravity to where the optical axis meets the road.
+
+    33.5 m where the camera looks down by less than 0.01 rad, or not at all.
+    """
+    if p.sin_pitch <= 0.01:
+        return 33.5
+    return p.forward + p.height * p.cos_pitch / p.sin_pitch * p.cos_yaw
 
 
 @kernel

@@ -63,13 +63,13 @@ def initial_covariance(P, t, lateral_std, direction_std, width_std, curvature_st
     P[WIDTH, WIDTH] = width_std * width_std
     P[NEXT_LEFT, NEXT_LEFT] = t.next_std * t.next_std
     P[NEXT_RIGHT, NEXT_RIGHT] = t.next_std * t.next_std
-    P[PITCH, PITCH] = t.pitch_std * t.pitch_std
+    P[PITCH, PITCH] = t.pitch_std_rad * t.pitch_std_rad
     P[TURN, TURN] = t.turn_std * t.turn_std
     pivot = int(MIDDLE_M / SPACING_M)
     for i in range(KNOTS):
         for j in range(KNOTS):
             if (i > pivot) == (j > pivot):
-                P[KNOT + i, KNOT + j] += min(abs(i - pivot), abs(j - pivot)) * t.bend_std * t.bend_std
+                P[KNOT + i, KNOT + j] += min(abs(i - pivot), abs(j - pivot)) * t.bend_std_1pm * t.bend_std_1pm
     for j in range(KNOTS):
         P[KNOT + j, KNOT + j] += 1e-10
 

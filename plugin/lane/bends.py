@@ -9,8 +9,9 @@ the prior and fitted to the present frame; the result is taken if it is more lik
 
 import math
 
+from plugin.lane.cholesky import invert
 from plugin.lane.lane_motion import continued, extend
-from plugin.lane.refine_fit import fit, gather, invert, odds_of_paint, place_borders, predict_spread
+from plugin.lane.refine_fit import fit, gather, odds_of_paint, place_borders, predict_spread
 from plugin.lane.road_model import KNOT, KNOTS, LINES
 from sumo_net.compile import kernel
 from sumo_net.copy_kernels import copy_matrix, copy_vector
@@ -22,7 +23,7 @@ FIRST = 2  # the first knot that is predicted from knots before it
 def odd_bend(x, t):  # type: ignore[no-untyped-def]
     """The first knot whose curvature departs too far from the continuation of those before; KNOTS: none."""
     for j in range(FIRST, KNOTS):
-        if abs(x[KNOT + j] - continued(x, KNOT + j, t)) > t.gate * t.bend_std:
+        if abs(x[KNOT + j] - continued(x, KNOT + j, t)) > t.gate * t.bend_std_1pm:
             return j
     return KNOTS
 
@@ -31,7 +32,7 @@ def odd_bend(x, t):  # type: ignore[no-untyped-def]
 def bend_std(speed, t):  # type: ignore[no-untyped-def]
     """Standard deviation of a knot's curvature about its continuation, on roads driven at this speed."""
     v = max(speed, t.bend_slow_mps)
-    return max(t.bend_std, t.bend_std_mps2 / (v * v))
+    return max(t.bend_std_1pm, t.bend_std_mps2 / (v * v))
 
 
 @kernel

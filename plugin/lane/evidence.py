@@ -38,7 +38,7 @@ def plausible(x, speed, t):  # type: ignore[no-untyped-def]
     for j in range(KNOT, KNOT + 6):
         if not abs(x[j]) < most:
             return False
-    return abs(x[PITCH]) < 6.0 * t.pitch_std + 1e-6
+    return abs(x[PITCH]) < 6.0 * t.pitch_std_rad + 1e-6
 
 
 @kernel

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plugin.lane.bends import seek_bends
+from plugin.lane.cholesky import invert
 from plugin.lane.evidence import (
     LEAST_JUDGED,
     of_usual_width,
@@ -19,7 +20,7 @@ from plugin.lane.evidence import (
 )
 from plugin.lane.lane_motion import predict, shift_lane
 from plugin.lane.own_turn import measure
-from plugin.lane.refine_fit import fit, gather, invert, predict_spread, tally
+from plugin.lane.refine_fit import fit, gather, predict_spread, tally
 from plugin.lane.rival import LOOKS, carry
 from plugin.lane.road_model import HEADING, LEFT, OFFSET, OUTER_LEFT, RIGHT, WIDTH
 from sumo_net.compile import kernel

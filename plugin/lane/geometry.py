@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from camera_synth.camera import WIDTH_PX, Camera, projection
 from plugin.lane.estimate import Borders, LaneEstimate
 from plugin.lane.geometry_kernels import lane_estimate_kernel
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 
 Array = np.ndarray[Any, Any]
 
@@ -54,29 +54,14 @@ class Plausibility:
 class PlausibilityNumbers(NamedTuple):
     """The parameters of Plausibility, as kernels take them."""
 
-    farthest: float
+    farthest_m: float
     least_score: float
     full_score: float
-    least_width: float
-    greatest_width: float
-    greatest_slope: float
-    greatest_curvature: float
-    inset: float
-
-
-def plausibility_numbers(plausibility: Plausibility) -> PlausibilityNumbers:
-    """Kernel parameters of the plausibility settings."""
-    p = plausibility
-    return PlausibilityNumbers(
-        p.farthest_m,
-        p.least_score,
-        p.full_score,
-        p.least_width_m,
-        p.greatest_width_m,
-        p.greatest_heading,
-        p.greatest_curvature_1pm,
-        p.inset_m,
-    )
+    least_width_m: float
+    greatest_width_m: float
+    greatest_heading: float
+    greatest_curvature_1pm: float
+    inset_m: float
 
 
 def lane_estimate_from_borders(
@@ -86,8 +71,7 @@ def lane_estimate_from_borders(
 
     Border points are projected to the road by the camera's exact geometry and fitted by the road model.
     `shifted` (n,) int8 is the search state's. A lane is locked if both borders are seen and its width,
-    heading and curvature are plausible; otherwise its values are NaN. Raises ValueError for a camera without
-    a preview point.
+    heading and curvature are plausible; otherwise its values are NaN.
     """
     n = len(borders.score)
     out = LaneEstimate(
@@ -113,7 +97,7 @@ def lane_estimate_from_borders(
         projection(camera),
         camera.preview_m,
         WIDTH_PX,
-        plausibility_numbers(plausibility or Plausibility()),
+        kernel_view(PlausibilityNumbers, plausibility or Plausibility()),
         out,
     )
     return out

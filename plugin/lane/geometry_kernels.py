@@ -5,35 +5,10 @@ import math
 import numpy as np
 
 from camera_synth.camera import vehicle_from_image
+from plugin.lane.cholesky import cholesky, solve
 from sumo_net.compile import kernel
 
-
-@kernel
-def solve(A, b, n):  # type: ignore[no-untyped-def]
-    """Solve the leading n×n of A·x = b in place (x in b); False unless A is positive definite.
-
-    Cholesky; only A's lower triangle is read.
-    """
-    for i in range(n):
-        for j in range(i + 1):
-            total = A[i, j]
-            for k in range(j):
-                total -= A[i, k] * A[j, k]
-            if i > j:
-                A[i, j] = total / A[j, j]
-            elif total > 1e-12 * abs(A[i, i]):
-                A[i, i] = math.sqrt(total)
-            else:
-                return False
-    for i in range(n):
-        for k in range(i):
-            b[i] -= A[i, k] * b[k]
-        b[i] /= A[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            b[i] -= A[k, i] * b[k]
-        b[i] /= A[i, i]
-    return True
+_SINGULAR = 1e-12  # points at one distance determine no curvature
 
 
 @kernel
@@ -69,8 +44,9 @@ def road_of_borders(left, right, camera, farthest, columns, spacing, A, road):  
             seen += 1
         if seen < 3:
             return False
-    if not solve(A, road, 4):
+    if not cholesky(A, A, _SINGULAR):
         return False
+    solve(A, road)
     road[2] /= spacing
     road[3] /= spacing * spacing
     return True
@@ -96,14 +72,14 @@ def lane_estimate_kernel(left, right, score, camera, preview, columns, n, out): 
         out.preview_heading_rad[v] = math.nan
         if not (out.left_border_seen[v] and out.right_border_seen[v]):
             continue
-        if not road_of_borders(left[v], right[v], camera, n.farthest, columns, 10.0, A, road):
+        if not road_of_borders(left[v], right[v], camera, n.farthest_m, columns, 10.0, A, road):
             continue
         slope, bend = road[2], road[3]
         along = 1.0 / math.sqrt(1.0 + slope * slope)  # cosine of the lane's heading
-        width = (road[0] - road[1]) * along + 2.0 * n.inset
-        if not n.least_width <= width <= n.greatest_width:
+        width = (road[0] - road[1]) * along + 2.0 * n.inset_m
+        if not n.least_width_m <= width <= n.greatest_width_m:
             continue
-        if abs(slope) > n.greatest_slope or abs(bend) > n.greatest_curvature:
+        if abs(slope) > n.greatest_heading or abs(bend) > n.greatest_curvature_1pm:
             continue
         middle = 0.5 * (road[0] + road[1])
         slope_there = slope + bend * preview

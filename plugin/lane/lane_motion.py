@@ -61,7 +61,7 @@ def predict(x, P, phase, advance, t):  # type: ignore[no-untyped-def]
     P[HEADING, HEADING] += t.heading_walk * t.heading_walk
     P[WIDTH, WIDTH] += t.width_walk * t.width_walk
     P[TURN, TURN] += t.turn_std * t.turn_std * (1.0 - keep * keep)
-    P[PITCH, PITCH] += t.pitch_std * t.pitch_std * (1.0 - t.pitch_keep * t.pitch_keep)
+    P[PITCH, PITCH] += t.pitch_std_rad * t.pitch_std_rad * (1.0 - t.pitch_keep * t.pitch_keep)
     for j in range(KNOT, KNOT + KNOTS):
         P[j, j] += t.knot_walk * t.knot_walk * advance
     return phase
@@ -99,7 +99,7 @@ def extend(x, P, j, t):  # type: ignore[no-untyped-def]
         P[j, k] = g1 * P[j - 1, k] + g2 * P[j - 2, k]
     for i in range(STATES):
         P[i, j] = g1 * P[i, j - 1] + g2 * P[i, j - 2]
-    P[j, j] = g1 * P[j, j - 1] + g2 * P[j, j - 2] + t.bend_std * t.bend_std
+    P[j, j] = g1 * P[j, j - 1] + g2 * P[j, j - 2] + t.bend_std_1pm * t.bend_std_1pm
 
 
 @kernel

@@ -16,16 +16,14 @@ from plugin.lane.acquire import (
     ridge_points,
     vote,
 )
+from plugin.lane.cholesky import cholesky, invert, solve
 from plugin.lane.evidence import most_support, of_usual_width, pixel_noise, plausible, side_seen, support_of
 from plugin.lane.own_turn import expect, trust
 from plugin.lane.refine_fit import (
-    cholesky,
     fit,
     gather,
-    invert,
     place_borders,
     predict_spread,
-    solve,
     tally,
 )
 from plugin.lane.rival import close
@@ -102,7 +100,7 @@ def lean_to_lane(predicted, about, speed, yaw_rate, t, work, scratch):  # type: 
     work.prior[HEADING, HEADING] += sure
     scratch[HEADING] += sure * about
     expect(work.prior, scratch, speed, yaw_rate, t.yaw_rate_std)
-    if not cholesky(work.prior, work.factor):
+    if not cholesky(work.prior, work.factor, 0.0):
         return False
     solve(work.factor, scratch)
     copy_vector(scratch, predicted)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from camera_synth.camera import WIDTH_PX, Projection
+from camera_synth.camera import WIDTH_PX, Projection, preview_distance
 from plugin.lane.acquire import WIDEST_M
 from plugin.lane.estimate import Borders, LaneEstimate
 from plugin.lane.follow import LOCKED, SEARCHING
@@ -25,7 +25,7 @@ from plugin.lane.refine_fit import workspace
 from plugin.lane.refine_kernels import REACH_M, columns_kernel, parabola_kernel, step_kernel
 from plugin.lane.rival import RIVAL
 from plugin.lane.road_model import STATES, rows_to_read
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 
 Array = np.ndarray[Any, Any]
 
@@ -100,9 +100,9 @@ class Tuning(NamedTuple):
     noise_factor: float
     rear_axle_m: float
     rear_slip_s2pm: float
-    pitch_std: float
+    pitch_std_rad: float
     pitch_keep: float
-    bend_std: float
+    bend_std_1pm: float
     bend_std_mps2: float
     confirm_frames: int
     patience_frames: int
@@ -204,34 +204,13 @@ def needs_search(state: LaneState) -> Array:
 @functools.lru_cache(maxsize=32)
 def tuning(refine: Refine, preview_m: float) -> Tuning:
     """Kernel parameters of the tracker."""
-    return Tuning(
-        refine.step_s,
-        preview_m,
-        refine.marking_width_m,
-        refine.lane_width_m,
-        refine.lane_width_std_m,
-        refine.min_width_m,
-        refine.max_width_m,
-        refine.range_m,
-        refine.contrast,
-        refine.noise_factor,
-        refine.rear_axle_m,
-        refine.rear_slip_s2pm,
-        max(refine.pitch_std_rad, 1e-6),
-        math.exp(-refine.step_s / refine.pitch_time_s),
-        refine.bend_std_1pm,
-        refine.bend_std_mps2,
-        refine.confirm_frames,
-        refine.patience_frames,
-        refine.one_sided_frames,
+    return kernel_view(
+        Tuning,
+        refine,
+        preview_m=preview_m,
+        pitch_std_rad=max(refine.pitch_std_rad, 1e-6),
+        pitch_keep=math.exp(-refine.step_s / refine.pitch_time_s),
     )
-
-
-def preview_distance(p: Projection) -> float:
-    """D_L of a camera, as Camera.preview_m; 33.5 m where the camera does not look down."""
-    if p.sin_pitch <= 0.01:
-        return 33.5
-    return p.forward + p.height * p.cos_pitch / p.sin_pitch * p.cos_yaw
 
 
 @functools.lru_cache(maxsize=32)

@@ -96,6 +96,6 @@ def test_published_geometry() -> None:
         assert forward == pytest.approx(1.34 * 925.0 / (157.0 - y), rel=0.015)
 
 
-def test_a_camera_that_looks_up_has_no_preview_point() -> None:
-    with pytest.raises(ValueError, match="pitch_rad"):
-        _ = Camera(pitch_rad=-0.01).preview_m
+@pytest.mark.parametrize("pitch_rad", [-0.1, 0.0, 0.005])
+def test_the_preview_point_of_a_camera_that_hardly_looks_down_is_the_usual_one(pitch_rad: float) -> None:
+    assert Camera(pitch_rad=pitch_rad).preview_m == Camera().preview_m == pytest.approx(33.5)

@@ -57,7 +57,7 @@ def test_a_road_leaves_its_course_where_it_bends_at_once():
 
 def test_streets_bend_more_than_motorways_and_a_jam_is_no_street():
     fast, street, crawling = (bends.bend_std(v, T) for v in (33.0, 14.0, 2.0))
-    assert fast == T.bend_std
+    assert fast == T.bend_std_1pm
     assert street == crawling == pytest.approx(T.bend_std_mps2 / 14.0**2)
     assert street > 3.0 * fast
 

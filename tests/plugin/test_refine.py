@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from camera_synth.camera import Camera, image_from_vehicle, projection
 from plugin.lane import lane_motion, refine, refine_fit, road_model
+from plugin.lane.cholesky import invert
 from plugin.lane.estimate import BORDER_Y
 from plugin.lane.hidden import nothing_hidden
 from plugin.lane.refine import Refine, init, needs_search, step
@@ -104,9 +105,9 @@ def test_inverse_is_numpys():
     A = rng.normal(size=(15, 15))
     A = A @ A.T + np.eye(15)
     out = np.empty((15, 15))
-    assert refine_fit.invert(A, np.empty((15, 15)), out)
+    assert invert(A, np.empty((15, 15)), out)
     np.testing.assert_allclose(out, np.linalg.inv(A), atol=1e-10)
-    assert not refine_fit.invert(-A, np.empty((15, 15)), out)
+    assert not invert(-A, np.empty((15, 15)), out)
 
 
 def test_prediction_leaves_the_road_where_it_is():
