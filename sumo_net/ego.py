@@ -22,6 +22,7 @@ from sumo_net.snapshot import Snapshot
 from sumo_net.vehicle import Vehicle, model
 
 Array = np.ndarray[Any, Any]
+PUT_MPS = 2.0  # no vehicle gains this in a step: SUMO has taken it out of a jam and put it here at speed
 B = TypeVar("B", bound=tuple[Any, ...])
 
 
@@ -67,6 +68,7 @@ class Motion(NamedTuple):
     yaw_rate_rps: Array  # (n,)
     steer_rad: Array  # (n,)
     lane_position_m: Array  # (n,) SUMO's; NaN after a change of lane and for new vehicles
+    sumo_mps: Array  # (n,) SUMO's speed
 
 
 class Drive(NamedTuple):
@@ -129,18 +131,21 @@ class Ego:
 
         `equipped` is a mask (N,) or the rows of the snapshot's equipped vehicles; those on no lane are left
         out. `alerted`: handles of vehicles whose driver is being warned; an episode then ends after the
-        driver's reaction time. A vehicle that is new, or has been moved by more than 5 m (teleport, parking,
-        re-insertion), starts at its driver's offset from the lane's centre.
+        driver's reaction time. A vehicle that is new, or has been moved by more than 5 m, or put on another
+        lane at speed (teleport, parking, re-insertion), starts at its driver's offset from the lane's centre.
         """
         rows = np.flatnonzero(equipped) if equipped.dtype == np.bool_ else np.sort(equipped)
         now = select(snapshot, rows[snapshot.lane[rows] >= 0])
         self._follow_fleet(now)
         motion, mind = _own(self._motion), _own(self._mind)
         changed = np.flatnonzero(motion.lane != now.lane)
+        # Who was put on another lane has not come the way that leads there: as new, on a lane of its own.
+        put = changed[(now.speed_mps - motion.sumo_mps)[changed] > PUT_MPS]
+        motion.lane[put] = motion.path[put] = -1
         new_path = motion.path.copy()
         for i in changed:
             new_path[i] = self._path_of(int(now.handle[i]), now.lane[i], motion.lane[i])
-        motion.lane[:] = now.lane
+        motion.lane[:], motion.sumo_mps[:] = now.lane, now.speed_mps
         motion.lane_position_m[changed] = np.nan
         table, bumper = self._roads.table, self._vehicle.bumper_m
         if len(changed):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.road_networks import netgenerate
-from sumo_net.driver import CAUSES
+from sumo_net.driver import CAUSES, Driver
 from sumo_net.ego import Ego
 from sumo_net.road import RoadNetwork
 from sumo_net.traffic import Traffic
@@ -48,3 +48,33 @@ def test_who_begins_behind_a_corner_has_not_turned_round_it(begun: pd.DataFrame)
     drift = keeping["lane_offset_m"] - keeping.groupby("handle")["lane_offset_m"].transform("first")
     assert drift.abs().max() < 0.6  # lane keeping sways; it was 2.0 m, out of the lane
     assert keeping["yaw_rate_rps"].abs().max() < 0.08
+
+
+def test_who_is_teleported_out_of_a_junction_has_not_turned_there_at_full_speed(tmp_path: Path) -> None:
+    """SUMO puts a vehicle that stood in a junction for too long behind it, at the speed limit."""
+    net_file, routes = tmp_path / "grid.net.xml", tmp_path / "grid.rou.xml"
+    netgenerate("--grid", "--grid.number", "3", "--grid.length", "200", "-L", "2")(net_file)
+    routes.write_text('<routes><trip id="car" depart="0" from="A1B1" to="B1B0"/></routes>')
+    command = ["-n", str(net_file), "-r", str(routes), "--step-length", "0.1", "--no-step-log", "true"]
+    command += ["--time-to-teleport", "1", "--no-warnings", "true"]
+    rows, stood = [], 0
+    with Traffic.start(command) as traffic:
+        ego = Ego(RoadNetwork.from_net_file(net_file), traffic, 1, Driver(distraction_per_min=0.0))
+        for _ in range(400):
+            traffic.step()
+            snapshot = traffic.snapshot()
+            truth = ego.step(snapshot, np.ones(len(snapshot.handle), np.bool_))
+            traffic.write_lateral(truth.handle, ego.front_lateral_m())
+            lanes = [traffic.lane_ids[lane] for lane in snapshot.lane.tolist()]
+            if lanes and lanes[0].startswith(":"):
+                traffic.vehicles.setSpeed("car", 0.0)
+                stood += 1
+            rows.append(pd.DataFrame(truth._asdict()).assign(lane=lanes))
+            if lanes and lanes[0].startswith("B1B0"):
+                traffic.vehicles.setSpeed("car", -1.0)
+    after = pd.concat(rows).query("lane.str.startswith('B1B0')").head(20)
+    assert stood > 10
+    assert after["speed_mps"].iloc[0] > 10.0
+    drift = after["lane_offset_m"] - after["lane_offset_m"].iloc[0]
+    assert drift.abs().max() < 0.2  # it was 1.6 m, half out of the lane
+    assert after["yaw_rate_rps"].abs().max() < 0.08
