@@ -17,7 +17,7 @@ from sumo_net.start_up import standard_error
 Array = np.ndarray[Any, Any]
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp")
-IMAGE_STEP_S = 0.1  # between images, and frames of a video that does not tell its rate
+IMAGE_STEP_S = 0.1  # between the images of a folder, where nobody says
 MOST_PIXELS = 10**8  # of a picture; 8K video has a third of that
 MOST_BYTES = 2**30  # of an image's file
 MOST_LOST = 250  # unreadable frames of a video in a row, after which it is given up
@@ -51,8 +51,8 @@ class Footage(NamedTuple):
         return len(self.images) == 1
 
 
-def open_footage(source: Path | str) -> Footage:
-    """Determine the kind of `source`; images of a folder are IMAGE_STEP_S apart.
+def open_footage(source: Path | str, image_step_s: float = IMAGE_STEP_S) -> Footage:
+    """Determine the kind of `source`; images of a folder are `image_step_s` apart.
 
     Hidden files of a folder are no images. Raises FootageError if there is nothing to read.
     """
@@ -70,14 +70,14 @@ def open_footage(source: Path | str) -> Footage:
         )
         if not images:
             raise FootageError(f"{path}: holds no image ({', '.join(IMAGE_SUFFIXES)})")
-        return Footage(path, tuple(images), IMAGE_STEP_S, len(images))
+        return Footage(path, tuple(images), image_step_s, len(images))
     if path.suffix.lower() in IMAGE_SUFFIXES:
-        return Footage(path, (path,), IMAGE_STEP_S, 1)
+        return Footage(path, (path,), image_step_s, 1)
     video = _open_video(path)
     rate = video.get(cv2.CAP_PROP_FPS)
     count = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
     video.release()
-    return Footage(path, (), 1.0 / rate if 1.0 <= rate <= 1000.0 else IMAGE_STEP_S, max(count, 0))
+    return Footage(path, (), 1.0 / rate if 1.0 <= rate <= 1000.0 else image_step_s, max(count, 0))
 
 
 def frames(footage: Footage) -> Iterator[Recorded]:

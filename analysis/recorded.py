@@ -17,7 +17,7 @@ import pandas as pd
 
 from analysis.ahead import Ahead, Driven
 from analysis.film import Film
-from analysis.footage import Footage, FootageError, Recorded, frames, open_footage
+from analysis.footage import IMAGE_STEP_S, Footage, FootageError, Recorded, frames, open_footage
 from analysis.overlay import draw
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera, projection
 from plugin.configuration import read_camera
@@ -77,11 +77,13 @@ def detect(
     overlay: Path | str | None = None,
     mode: str = "refined",
     speed_mps: float | None = None,
+    image_step_s: float = IMAGE_STEP_S,
 ) -> Path:
     """Find the lane in a video, a folder of images or an image; writes into `out` and returns it.
 
     camera: a camera file, or a Camera for the 320x240 image. speed_mps: footage does not tell it; without it
     there are no times to crossing and no warnings, and the tracker and the overlay's path take UNKNOWN_MPS.
+    image_step_s: between the images of a folder, or the frames of a video that does not tell its rate.
     Raises SettingsError for the camera or a setting, FootageError for footage that cannot be read.
     """
     if mode not in MODES:
@@ -89,7 +91,7 @@ def detect(
     if speed_mps is not None and not (math.isfinite(speed_mps) and 0.0 <= speed_mps <= 100.0):
         raise SettingsError(f"speed_mps = {speed_mps}: must be 0 to 100")
     calibrated = camera if isinstance(camera, Camera) else read_camera(Path(camera))
-    footage = open_footage(source)
+    footage = open_footage(source, image_step_s)
     next(frames(footage), None)  # raises before anything is written if the first cannot be read
     directory = Path(out)
     try:

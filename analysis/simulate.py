@@ -15,6 +15,7 @@ from analysis.warm_up import compiling
 from plugin.assistance import DriverAssistance
 from plugin.configuration import CONFIGURATION, Configuration, load_configuration
 from sumo_net.scenario import PreparedRun, prepare
+from sumo_net.settings import read_json
 from sumo_net.traffic import Traffic, TrafficError
 
 
@@ -64,6 +65,7 @@ def simulate(
     An interrupted run also writes what it has computed. Raises SettingsError or TrafficError.
     """
     configuration = settings_of(scenario, **options)
+    scenario, compared_paper = repeated(scenario)
     name = name_of(scenario)
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
         prepared = prepare(configuration, Path(work))
@@ -81,7 +83,7 @@ def simulate(
                 formats=formats,
                 run_id=f"{name}-{configuration.seed}",
                 threads=threads,
-                compare_paper=compare_paper,
+                compare_paper=compare_paper or compared_paper,
                 scenario=scenario,
             ) as adas,
         ):
@@ -119,10 +121,20 @@ def _in_window(traffic: Traffic, adas: DriverAssistance, out: Path) -> Callable[
     return FleetWindow(traffic, adas, out).step
 
 
+def repeated(scenario: str) -> tuple[str, bool]:
+    """The scenario of the run that wrote the configuration.json `scenario`, and its `compare_paper`.
+
+    Any other scenario: itself, and False.
+    """
+    if Path(scenario).name != CONFIGURATION:
+        return scenario, False
+    content = read_json(Path(scenario))
+    return str(content.get("scenario") or scenario), bool(content.get("compare_paper"))
+
+
 def name_of(scenario: str) -> str:
     """Name of a run of `scenario`: a built-in name, or the file's name without suffixes."""
-    path = Path(scenario)
-    return (path.parent.name if path.name == CONFIGURATION else path.name.split(".")[0]) or "run"
+    return Path(scenario).name.split(".")[0] or "run"
 
 
 def drive(

@@ -42,6 +42,16 @@ def detect(
             metavar="V",
         ),
     ] = None,
+    frame_rate: Annotated[
+        float,
+        typer.Option(
+            "--frame-rate",
+            help="Images of a folder per second; of a video, where its file does not say.",
+            min=1,
+            max=1000,
+            metavar="HZ",
+        ),
+    ] = 10.0,
 ) -> None:
     """Find the lane in recorded footage."""
     from analysis.footage import open_footage
@@ -50,7 +60,7 @@ def detect(
 
     with plain_errors(), told_where(out), told_of_compiling():
         refuse_to_mix(out, "run", "campaign")
-        detect_lanes(source, camera, out, overlay=overlay, mode=mode.value, speed_mps=speed)
+        detect_lanes(source, camera, out, overlay, mode.value, speed, 1.0 / frame_rate)
         for line in summary(out, open_footage(source)):
             typer.echo(line)
         typer.echo(f"Tables: {out}")

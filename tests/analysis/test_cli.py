@@ -82,6 +82,17 @@ def test_texts_stand_without_quotation_marks(
     assert not any('"' in file.read_text() for file in out.glob("*.csv"))
 
 
+def test_a_run_repeated_from_its_settings_writes_the_same_bytes(
+    both_formats: tuple[Path, subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    out, _ = both_formats
+    for settings in (out, tmp_path / "again"):  # and the repetition can be repeated
+        done = typed("run", settings / "configuration.json", "--out", tmp_path / "again")
+        assert done.returncode == 0, done.stderr
+        for name in TABLES:
+            assert (tmp_path / "again" / f"{name}.csv").read_bytes() == (out / f"{name}.csv").read_bytes()
+
+
 def test_paper_mode_in_parquet_replaces_the_tables_that_were_there(tmp_path: Path) -> None:
     (tmp_path / "steps.csv").write_text("of an earlier run\n")
     done = typed("run", "straight", "--duration", "1", "--equip", "0.05", "--mode", "paper",

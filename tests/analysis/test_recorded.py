@@ -136,6 +136,19 @@ def test_with_a_speed_come_the_time_to_crossing_and_the_warning(tmp_path, drifti
     assert set(states[first:]) == {"warning left"}
 
 
+def test_the_pictures_of_a_folder_are_as_far_apart_as_told(tmp_path, drifting):
+    # the same way at twice the speed
+    (tmp_path / "camera.toml").write_text("height_m = 1.34\n")
+    words = ["detect", drifting, "--camera", tmp_path / "camera.toml", "--out", tmp_path / "out"]
+    words += ["--speed", 2 * SPEED_MPS, "--frame-rate", 20]
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    assert not ended.value.code
+    for row in table(tmp_path / "out" / "lanes.csv")[-10:]:
+        assert float(row["time_s"]) == pytest.approx(int(row["frame"]) / 20)
+        assert float(row["tlc_s"]) == pytest.approx(0.5 * CROSSING_S - float(row["time_s"]), abs=0.15)
+
+
 def test_without_a_speed_there_is_no_time_to_crossing(tmp_path, drifting):
     detect(drifting, Camera(), tmp_path / "out")
     for row in table(tmp_path / "out" / "lanes.csv"):
