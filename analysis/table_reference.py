@@ -7,7 +7,7 @@ _ROWS = {
     "predictions": "an equipped vehicle at one step and one horizon (0.5, 1, 1.5 or 2 s)",
     "warnings": "a warning",
     "tracks": "a confirmed radar track at one step (of roadside objects and clutter, one step in "
-    "`recording.roadside_every`, 10 by default)",
+    "`recording.roadside_every`, 10 by default, but every one in which it is the warning's target)",
     "conflicts": "a true rear-end conflict of an equipped vehicle with its leader",
     "departures": "a true crossing of a border by the outer edge of a front wheel",
     "runs": "a run",

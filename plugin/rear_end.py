@@ -83,7 +83,8 @@ class RearEndScorer:
         if not self._recording.tracks:
             return Judged(by_place, warned, visible, followed, tracks, None)
         everything = self._scans % self._recording.roadside_every == 0
-        shown = tracks.tracks.confirmed if everything else tracks.tracks.confirmed & (tracks.target >= 0)
+        shown = tracks.tracks.confirmed & (everything | (tracks.target >= 0))
+        shown[echo.warning.row[echo.warning.row >= 0]] = True
         return Judged(by_place, warned, visible, followed, tracks, tracks.of(shown))
 
     def add(self, truth: EgoTruth, leader: Leaders, parts: Sequence[tuple[Echo, Judged]]) -> dict[str, Array]:

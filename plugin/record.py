@@ -32,7 +32,8 @@ class Recording:
     roadside_every: int = Field(
         10,
         ge=1,
-        description="tracks of roadside objects and clutter are written only in one of this many scans",
+        description="tracks of roadside objects and clutter are written only in one of this many scans, "
+        "and where they are the warning's target",
     )
     frames: int = Field(
         0,

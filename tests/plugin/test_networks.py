@@ -35,6 +35,10 @@ def test_a_run_ends_and_what_is_not_known_is_empty(name: str, tmp_path: Path) ->
     assert steps["vehicle_id"].nunique() > 5
     assert faults(steps) == []
     assert steps["lane_locked"].any()
+    tracks = pd.read_csv(tmp_path / "out" / "tracks.csv", low_memory=False)
+    targets = steps[steps["fcw_track_id"].notna()].rename(columns={"fcw_track_id": "track_id"})
+    found = targets.merge(tracks, on=["vehicle_id", "time_s", "track_id"])
+    assert len(found) == len(targets)  # posts as well
     given = {f"{name}.{end}" for end in ("net.xml", "rou.xml", "sumocfg", "net.node.xml", "net.edge.xml")}
     assert {file.name for file in tmp_path.iterdir()} <= {"out", *given}  # nothing beside the user's files
 
