@@ -1,6 +1,7 @@
 """The command `sumo-adas`: its sub-commands are in `analysis.commands`."""
 
 import gc
+import io
 import os
 import signal
 import sys
@@ -23,6 +24,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: every expected error is one line on standard error and exit status 2."""
     gc.set_threshold(50_000, 20, 20)  # objects of imports stay alive: fewer collections save time
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # keeps the rows, as Ctrl-C does
+    for stream in (sys.stdout, sys.stderr):  # a question mark for what the terminal's encoding lacks
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="replace")
     try:
         status = app(arguments, standalone_mode=False)
     except _UsageError as error:

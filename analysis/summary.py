@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from analysis.metrics import ERRORS, summary
+from analysis.rear_end import VISIBLE_S
 from plugin.record import read_table
 from plugin.truth import HORIZONS_S
 
@@ -85,6 +86,8 @@ def _rear_end(f: dict[str, float]) -> list[tuple[str, str]]:
     ]
     if f["conflicts_due"]:
         rows.append(("  warned in time", f"{f['conflicts_due_warned']:.0f} of {f['conflicts_due']:.0f} due"))
+    elif f["conflicts_critical"]:
+        rows.append(("  warned in time", f"none due: in view for less than {VISIBLE_S:g} s before"))
     rows += [(f"{level} warnings", _by_outcome(f, f"fcw_{level}")) for level in ("reminder", "danger")]
     if f["ttc_steps"]:
         rows.append(("TTC error below 3 s", _tlc(f, "ttc")))

@@ -129,6 +129,20 @@ def test_ctrl_c_keeps_the_rows_so_far(tmp_path: Path) -> None:
     assert not rows.duplicated(["vehicle_id", "time_s"]).any()
 
 
+def test_a_terminal_without_unicode_gets_question_marks_not_an_error(tmp_path: Path) -> None:
+    words = ("run", "straight", "--duration", "0.3", "--equip", "0.1", "--out", tmp_path / "ü")
+    done = subprocess.run(
+        [*COMMAND, *map(str, words)],
+        capture_output=True,
+        timeout=120,
+        check=False,
+        env=os.environ | {"PYTHONIOENCODING": "ascii"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert b"? / ?" in done.stdout  # dashes: nothing was predicted in so short a time
+    assert done.stdout.endswith(b"?\n")
+
+
 def test_scenarios_are_a_line_each(capsys: pytest.CaptureFixture[str]) -> None:
     assert status("scenarios") == 0
     lines = capsys.readouterr().out.splitlines()
