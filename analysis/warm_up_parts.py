@@ -157,7 +157,8 @@ def leaders() -> None:
 def scores() -> None:
     """Compile the scoring of radar tracks and warnings, and the rounding of tables."""
     from plugin import track_truth_kernels
-    from plugin.conflicts import ConflictBook, in_view, nobody
+    from plugin.conflicts import ConflictBook
+    from plugin.leaders import in_view, nobody
     from plugin.record_kernels import rounded
     from plugin.track_truth import Followed
     from radar_synth.radar import ScanTruth
@@ -187,7 +188,7 @@ def _no_tracks() -> Any:
 
 def own_drive() -> None:
     """Compile the equipped vehicles' drivers and dynamics, and the road that they see."""
-    from plugin.conflicts import path_leaders, warned_of
+    from plugin.leaders import path_leaders, warned_of
     from sumo_net.bend_speed_kernels import bend_speeds
     from sumo_net.driver import Driver, attentive, numbers, traits
     from sumo_net.ego import Ego, standing
@@ -217,7 +218,7 @@ def own_drive() -> None:
 
 def surroundings() -> None:
     """Compile the road ahead, the surrounding bodies and the leaders of equipped vehicles."""
-    from plugin.conflicts import LaneOrder
+    from plugin.leaders import LaneOrder
     from sumo_net.frames import heading_from_sumo_angle
     from sumo_net.road_kernels import ahead
     from sumo_net.road_store import RoadStore

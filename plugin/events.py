@@ -1,12 +1,13 @@
 """Departures and warnings as events, and their matching (ISO 17361's placement zone, from memory)."""
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import Field
 
+from plugin.schema import TABLES
 from sumo_net.driver import CAUSES
 from sumo_net.driver_kernels import SIGNALLED_CHANGE
 from sumo_net.settings import settings
@@ -156,6 +157,23 @@ class EventBook:
 
     def _archived(self, kind: type, handle: int, side: int) -> list[Any]:
         return [e for e in self._archive if type(e) is kind and e.handle == handle and e.side == side]
+
+
+def event_columns(
+    table: str, rows: Sequence[Mapping[str, Any]], name: Callable[[int], str]
+) -> dict[str, list[Any]]:
+    """Events, with the keys `handle` and perhaps `target`, as columns of `table` by time and vehicle.
+
+    name: the ids of vehicles by handle.
+    """
+    when = "crossing_s" if table == "departures" else "start_s"
+    rows = sorted(rows, key=lambda row: (row[when], name(row["handle"])))
+    known = rows[0].keys()
+    columns = {one.name: [row[one.name] for row in rows] for one in TABLES[table] if one.name in known}
+    columns["vehicle_id"] = [name(row["handle"]) for row in rows]
+    if "target" in known:
+        columns["target_id"] = [name(row["target"]) for row in rows]
+    return columns
 
 
 def _time(event: Departure | LaneWarning) -> float:

@@ -6,19 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plugin.configuration import Configuration
-from plugin.conflicts import (
-    NOBODY,
-    ConflictBook,
-    LaneOrder,
-    Leaders,
-    in_view,
-    path_leaders,
-    table_columns,
-    warned_of,
-)
+from plugin.conflicts import ConflictBook
+from plugin.events import event_columns
+from plugin.leaders import NOBODY, LaneOrder, Leaders, in_view, path_leaders, warned_of
 from plugin.ranging import Echo
 from plugin.record import Recorder
-from plugin.schema import TABLES
 from plugin.track_truth import Followed, Rows, Step, TrackTruth, table
 from plugin.warning.collision import BUZZER, CODES
 from sumo_net.batch import join
@@ -141,5 +133,4 @@ class RearEndScorer:
         self.warnings += sum(row["level"] == "reminder" for row in warnings)
         for name, rows in (("conflicts", conflicts), ("warnings", warnings)):
             if rows:
-                events = table_columns(rows, self._traffic.vehicle_id, TABLES[name])
-                self._recorder.append(name, events)
+                self._recorder.append(name, event_columns(name, rows, self._traffic.vehicle_id))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from plugin.events import LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching
+from plugin.events import LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching, event_columns
 from plugin.record import Recorder
 from plugin.schema import TABLES
 from sumo_net.driver import CAUSES
@@ -22,6 +22,7 @@ Array = np.ndarray[Any, Any]
 Names = Mapping[int, str]  # ids of vehicles by handle
 
 HORIZONS_S = (0.5, 1.0, 1.5, 2.0)
+STRADDLING_M = 0.4  # this near to a border, either of its lanes counts as the own lane
 LOOK_AHEAD_S = 5.0  # the true time to lane crossing is empty beyond this
 _HORIZON_STEPS = np.rint(np.array(HORIZONS_S) / STEP_S).astype(np.int64)
 _JUMP_M = 1.0  # a larger change of the lane offset in one step means that its reference lane changed
@@ -103,8 +104,9 @@ class Scorer:
         departures, warnings = self._book.settle(until, final)
         self.departures += sum(row["cause"] != CAUSES[SIGNALLED_CHANGE] for row in departures)
         self.warnings += len(warnings)
-        self._write_events("departures", departures, names)
-        self._write_events("warnings", warnings, names)
+        for table, events in (("departures", departures), ("warnings", warnings)):
+            if events:
+                self._recorder.append(table, event_columns(table, events, names.__getitem__))
         rows["written"] |= new
         self._forget_crossings(rows["step"])
         keep = rows["time_s"] > until - 2.0  # context: causes and drifts shortly before an event
@@ -265,22 +267,6 @@ class Scorer:
                 "true_state_lateral_error_m": errors["true_state"][0].ravel()[keep],
             },
         )
-
-    def _write_events(self, table: str, events: list[dict[str, object]], names: Names) -> None:
-        if not events:
-            return
-        key = "crossing_s" if table == "departures" else "start_s"
-        events.sort(key=lambda row: (row[key], names[row["handle"]]))  # type: ignore[index]
-        columns: dict[str, Any] = {name: pa.array([row[name] for row in events]) for name in events[0]}
-        handles = columns.pop("handle").to_numpy()
-        for column in TABLES[table]:
-            if column.kind == "float" and column.name in columns:
-                values = [row[column.name] for row in events]
-                columns[column.name] = np.array(
-                    [np.nan if v is None else v for v in values], dtype=np.float64
-                )
-        columns["vehicle_id"] = named(handles, names.__getitem__)
-        self._recorder.append(table, columns)
 
 
 def named(handles: Array, name: Callable[[int], str | None]) -> pa.Array:
