@@ -16,6 +16,7 @@ from analysis import evaluation_text
 from analysis.fork_server import ForkServer
 from analysis.metrics import (
     CATEGORIES,
+    TABLES,
     before_crossing,
     paired_gain,
     prediction_errors,
@@ -29,7 +30,6 @@ from plugin.truth import HORIZONS_S
 
 CONDITIONS = ("clear", "complex")
 BASELINES = ("constant_velocity", "constant_radius")
-TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
 
 
 class Target(NamedTuple):

@@ -5,9 +5,10 @@ import pandas as pd
 
 from analysis.rear_end import rear_end_figures
 from analysis.statistics import mean, per_100_km, poisson_interval, quantile, ratio_interval
-from plugin.truth import HORIZONS_S
+from plugin.truth import HORIZONS_S, STRADDLING_M
 from sumo_net.step import STEP_S
 
+TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")  # of `summary`
 CURVE_1PM = 2e-4  # a road less curved than this counts as straight
 CATEGORIES = ("straight", "curve", "lane_change", "distraction")
 ERRORS = {
@@ -17,7 +18,6 @@ ERRORS = {
     "constant_radius": "constant_radius_lateral_error_m",
 }
 NEAR_TLC_S = 1.0  # up to here the errors of the TLC are judged
-STRADDLING_M = 0.4  # this near to a border, either of its lanes counts as the own lane
 SIGNALLED = "lane_change_signalled"
 
 
@@ -43,13 +43,13 @@ def lane_accuracy(steps: pd.DataFrame) -> dict[str, float]:
     marked = steps[steps["on_marked_road"].fillna(False)]
     judged = marked["recognised"].notna()
     locked = marked[marked["lane_locked"].fillna(False)]
-    offset_error = _offset_error(locked)
+    offset = offset_error(locked)
     result = {
         "recognition_rate": mean(marked.loc[judged, "recognised"]),
         "paper_recognition_rate": mean(marked["paper_recognised"].dropna()),
         "locked_rate": mean(marked["lane_locked"].fillna(False)),
-        "other_lane_rate": mean(offset_error.abs() >= 1.0),
-        "lateral_offset_rmse_m": _root_mean_square(offset_error),
+        "other_lane_rate": mean(offset.abs() >= 1.0),
+        "lateral_offset_rmse_m": _root_mean_square(offset),
     }
     for name, estimate, truth in (
         ("heading_rmse_rad", "heading_error_rad", "true_heading_error_rad"),
@@ -62,7 +62,7 @@ def lane_accuracy(steps: pd.DataFrame) -> dict[str, float]:
     return result
 
 
-def _offset_error(locked: pd.DataFrame) -> pd.Series:
+def offset_error(locked: pd.DataFrame) -> pd.Series:
     """Estimate minus truth; for a vehicle that straddles a border, with respect to the same lane.
 
     Estimate and truth may then refer to different lanes: truth switches when the centre of gravity crosses.

@@ -53,16 +53,15 @@ def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
 
     Bodies that overlap have collided: only before that there is a time to collision.
     """
-    seen = steps[(steps["true_ttc_s"] < NEAR_TTC_S) & steps["true_leader_visible"].fillna(False)]
-    apart = seen["true_gap_m"] > 0.0
-    near = seen[apart]
-    # without a target, or with a gap that seems to open, the error counts as infinite
-    every, by_track = _ttc_error(seen, "fcw_ttc_s"), _ttc_error(near, "fcw_track_ttc_s")
+    seen = before_collision(steps)
+    near = seen[seen["true_gap_m"] > 0.0]
+    error, every = ttc_error(near), ttc_error(seen)
+    by_track = ttc_error(near, "fcw_track_ttc_s") if "fcw_track_ttc_s" in near else error + np.inf
     return {
         "ttc_steps": len(near),
         "ttc_steps_overlapping": len(seen) - len(near),
-        "ttc_error_median_s": quantile(every[apart], 0.5),
-        "ttc_error_p95_s": quantile(every[apart], 0.95),
+        "ttc_error_median_s": quantile(error, 0.5),
+        "ttc_error_p95_s": quantile(error, 0.95),
         "ttc_error_with_overlap_p95_s": quantile(every, 0.95),
         "ttc_track_error_median_s": quantile(by_track, 0.5),  # from the radar tracks alone
         "ttc_track_error_p95_s": quantile(by_track, 0.95),
@@ -70,15 +69,25 @@ def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _ttc_error(steps: pd.DataFrame, name: str) -> pd.Series:
-    estimate = steps[name] if name in steps else pd.Series(np.nan, steps.index)
-    return (estimate.fillna(np.inf) - steps["true_ttc_s"]).abs()
+def before_collision(steps: pd.DataFrame) -> pd.DataFrame:
+    """The steps at which the true time to collision is under NEAR_TTC_S and the leader is in view."""
+    return steps[(steps["true_ttc_s"] < NEAR_TTC_S) & steps["true_leader_visible"].fillna(False)]
+
+
+def ttc_error(near: pd.DataFrame, column: str = "fcw_ttc_s") -> pd.Series:
+    """|TTC error|; infinite without a target, and with a gap that seems to open."""
+    return (near[column].fillna(np.inf) - near["true_ttc_s"]).abs()
+
+
+def settled(tracks: pd.DataFrame) -> pd.DataFrame:
+    """The rows of tracks that have a true class, after the cycles in which theirs is due."""
+    cycle = tracks.groupby(["run_id", "vehicle_id", "track_id"], observed=True, sort=False).cumcount()
+    return tracks[(cycle >= SETTLED_CYCLES) & tracks["true_motion_state"].notna()]
 
 
 def track_accuracy(tracks: pd.DataFrame) -> dict[str, float]:
     """Share of right classes after the third cycle, all and by true class, and errors of the estimates."""
-    cycle = tracks.groupby(["run_id", "vehicle_id", "track_id"], observed=True, sort=False).cumcount()
-    judged = tracks[(cycle >= SETTLED_CYCLES) & tracks["true_motion_state"].notna()]
+    judged = settled(tracks)
     right = judged["motion_state"] == judged["true_motion_state"]
     figures: dict[str, float] = {"track_steps": len(tracks), "class_accuracy": mean(right)}
     for name, part in right.groupby(judged["true_motion_state"], observed=True):

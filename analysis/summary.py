@@ -6,7 +6,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from analysis.metrics import ERRORS, summary
+from analysis.metrics import ERRORS, TABLES, summary
 from analysis.rear_end import VISIBLE_S
 from plugin.record import read_table
 from plugin.truth import HORIZONS_S
@@ -22,8 +22,7 @@ _LABELS = {
 def print_summary(directory: Path) -> None:
     """Print the figures of the run whose tables lie in `directory`, in lines of at most 80 characters."""
     console = Console(highlight=False)
-    names = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
-    figures = summary(*(read_table(directory, name) for name in names))
+    figures = summary(**{name: read_table(directory, name) for name in TABLES})
     if not figures["vehicle_steps"]:
         console.print(f"No equipped vehicle drove. Tables: {directory}", markup=False, soft_wrap=True)
         return

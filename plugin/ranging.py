@@ -31,7 +31,6 @@ from sumo_net.surroundings import Objects
 
 Array = np.ndarray[Any, Any]
 
-_LATELY_S = 0.25  # longer unseen: a vehicle just passed would coast into the lane
 _MOVING_MPS = 5.0  # a track without a class yet is taken for a vehicle above this speed
 
 
@@ -180,7 +179,7 @@ def bodies_ahead(tracks: TrackList, unseen_s: Array, speed_mps: Array, yaw_rate_
 
     Bodies that were never seen moving are left out: posts and rails beside the road hide none of it.
     """
-    found = kernels.bodies(tracks, unseen_s, speed_mps, yaw_rate_rps, STEP_S, _LATELY_S, _MOVING_MPS)
+    found = kernels.bodies(tracks, unseen_s, speed_mps, yaw_rate_rps, STEP_S, collision.LATEST_S, _MOVING_MPS)
     return Bodies(*found)
 
 

@@ -20,6 +20,7 @@ from plugin.lane.genetic import SearchState
 from plugin.lane.hidden import Bodies, hidden_by, nothing_hidden
 from plugin.recognition_kernels import judge
 from plugin.tracking.rear_view import RearView, Watched, look, nobody_watched
+from plugin.truth import STRADDLING_M
 from sumo_net.batch import join, select
 from sumo_net.randomness import stream_key
 from sumo_net.road import OWN_RIGHT, RoadAhead
@@ -30,7 +31,6 @@ Array = np.ndarray[Any, Any]
 CHUNK = 64  # vehicles whose frames are in memory at once, which share the cost of each call
 TOLERANCE_PX, SHARE = 5.0, 0.85
 _LEAST_REACH_M = 10.0
-_STRADDLING_M = 0.4  # this near to a border, either of its lanes counts as the own lane
 
 
 class Scene(NamedTuple):
@@ -204,7 +204,7 @@ class Vision:
 
     def _judge(self, scene: Scene, looks: Looks, columns: Array, truth: BorderColumns) -> Array:
         verdict = _against(truth, columns)
-        straddling = np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m - _STRADDLING_M
+        straddling = np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m - STRADDLING_M
         again = np.flatnonzero(straddling & (verdict == 0))
         if len(again):
             other = _own_slot(scene)[again] + np.sign(scene.lane_offset_m[again]).astype(np.int64)
@@ -214,7 +214,7 @@ class Vision:
             )
             verdict[again] = np.maximum(_against(meant, columns[again]), 0)
         # outside all lanes there is no own lane to find
-        verdict[np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m + _STRADDLING_M] = -1
+        verdict[np.abs(scene.lane_offset_m) > 0.5 * scene.lane_width_m + STRADDLING_M] = -1
         return verdict
 
 

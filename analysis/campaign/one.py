@@ -7,7 +7,8 @@ import json
 from pathlib import Path
 
 from analysis.campaign.store import Store
-from analysis.campaign.tally import TABLES, tally
+from analysis.campaign.tally import tally
+from analysis.metrics import TABLES
 from analysis.simulate import simulate
 from plugin.record import read_table
 

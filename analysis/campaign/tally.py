@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.metrics import ERRORS, STRADDLING_M, distance_km, warning_counts
-from analysis.rear_end import NEAR_TTC_S, conflict_counts
+from analysis.metrics import ERRORS, before_crossing, distance_km, offset_error, tlc_error, warning_counts
+from analysis.rear_end import before_collision, conflict_counts, settled, ttc_error
 from plugin.truth import HORIZONS_S
 
 Tally = dict[str, int]  # "name" or "distribution|bin" -> count; JSON as it is
@@ -19,11 +19,10 @@ PER_DECADE = 20  # bins of errors: 12 % wide
 LEAST = 1e-4  # smaller errors share one bin
 TIME_BIN_S = 0.1
 _SQUARE = 10**12  # squares are counted in units of 1 / this
-TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
 
 
 def tally(tables: Mapping[str, pd.DataFrame]) -> Tally:
-    """All counts of one run's tables (those of TABLES)."""
+    """All counts of one run's tables (those of `analysis.metrics.TABLES`)."""
     steps, warnings, departures = tables["steps"], tables["warnings"], tables["departures"]
     km = distance_km(steps)
     counts = warning_counts(warnings, departures, km) | conflict_counts(tables["conflicts"], warnings, km)
@@ -35,12 +34,10 @@ def tally(tables: Mapping[str, pd.DataFrame]) -> Tally:
     }
     out |= {name: int(counts[name]) for name in COUNTS}
     out |= _lane(steps)
-    near = steps[(steps["true_tlc_s"] > 0.0) & (steps["true_tlc_s"] <= 1.0)]
-    out |= _errors("tlc_error", (near["tlc_s"].fillna(np.inf) - near["true_tlc_s"]).abs())
-    floor = (near["tlc_true_state_s"].fillna(np.inf) - near["true_tlc_s"]).abs()
-    out |= _errors("tlc_true_state_error", floor)
-    close = steps[(steps["true_ttc_s"] < NEAR_TTC_S) & steps["true_leader_visible"].fillna(False)]
-    out |= _errors("ttc_error", (close["fcw_ttc_s"].fillna(np.inf) - close["true_ttc_s"]).abs())
+    near, close = before_crossing(steps), before_collision(steps)
+    out |= _errors("tlc_error", tlc_error(near, "tlc_s"))
+    out |= _errors("tlc_true_state_error", tlc_error(near, "tlc_true_state_s"))
+    out |= _errors("ttc_error", ttc_error(close[close["true_gap_m"] > 0.0]))
     out |= _times("true_tlc", steps["true_tlc_s"])
     out |= _times("true_ttc", steps.loc[steps["true_ttc_s"] < 10.0, "true_ttc_s"])
     out |= _times("ldw_lead_time", departures["lead_time_s"])
@@ -102,11 +99,6 @@ def distribution(total: Mapping[str, int], name: str) -> list[tuple[float, int]]
 def _lane(steps: pd.DataFrame) -> Tally:
     marked = steps[steps["on_marked_road"].fillna(False)]
     locked = marked[marked["lane_locked"].fillna(False)]
-    offset = locked["lateral_offset_m"] - locked["true_lateral_offset_m"]
-    other = (locked["true_lateral_offset_m"].abs() > 0.5 * locked["lane_width_m"] - STRADDLING_M) & (
-        offset.abs() > 0.5 * locked["lane_width_m"]
-    )
-    offset = offset.where(~other, offset - np.sign(offset) * locked["lane_width_m"])
     out = {
         "marked_steps": len(marked),
         "judged": int(marked["recognised"].notna().sum()),
@@ -116,7 +108,7 @@ def _lane(steps: pd.DataFrame) -> Tally:
         "locked": len(locked),
     }
     for name, error in (
-        ("lateral_offset_m", offset),
+        ("lateral_offset_m", offset_error(locked)),
         ("heading_error_rad", locked["heading_error_rad"] - locked["true_heading_error_rad"]),
         ("curvature_1pm", locked["curvature_1pm"] - locked["true_curvature_1pm"]),
     ):
@@ -148,7 +140,6 @@ def _times(name: str, values: "pd.Series[Any]") -> Tally:
 
 
 def _classes(tracks: pd.DataFrame) -> Tally:
-    cycle = tracks.groupby(["vehicle_id", "track_id"], observed=True, sort=False).cumcount()
-    judged = tracks[(cycle >= 3) & tracks["true_motion_state"].notna()]
+    judged = settled(tracks)
     pair = judged["true_motion_state"] + " as " + judged["motion_state"]
     return {f"class {name}": int(count) for name, count in pair.value_counts().items()}

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from analysis.metrics import CATEGORIES, NEAR_TLC_S, before_crossing, category, prediction_errors
 from analysis.plots.style import BLUE, GREY, SERIES, VERMILLION, below, nothing, sheet, styled
-from analysis.rear_end import NEAR_TTC_S, SETTLED_CYCLES
+from analysis.rear_end import NEAR_TTC_S, settled
 from analysis.statistics import clustered_share
 from plugin.tracking.classification import NAMES
 from plugin.truth import HORIZONS_S
@@ -237,8 +237,7 @@ def warning_outcomes(warnings: pd.DataFrame) -> Figure:
 def motion_classes(tracks: pd.DataFrame) -> Figure:
     """Estimated by true motion class of radar tracks, after the third cycle."""
     figure, axes = sheet(1, 1, 3.6)
-    cycle = tracks.groupby(["run_id", "vehicle_id", "track_id"], observed=True, sort=False).cumcount()
-    judged = tracks[(cycle >= SETTLED_CYCLES) & tracks["true_motion_state"].notna()]
+    judged = settled(tracks)
     if judged.empty:
         nothing(axes, "no track lasted long enough to be scored")
         return figure
