@@ -287,7 +287,7 @@ def search_kernel(frames, state, numbers, after):  # type: ignore[no-untyped-def
 @kernel
 def _lane_shift(age, border, numbers):  # type: ignore[no-untyped-def]
     """+1 if the last result's left border is right of the image's centre, -1 if its right border is left."""
-    if not numbers.restarts or age[0] == 0 or age[1] == 0 or not _plausible(border, numbers):
+    if not numbers.restarts or age[0] == 0 or age[1] == 0 or not plausible(border, numbers):
         return 0
     if border[0, 2] > numbers.center + numbers.crossed_by:
         return 1
@@ -297,7 +297,7 @@ def _lane_shift(age, border, numbers):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _plausible(border, numbers):  # type: ignore[no-untyped-def]
+def plausible(border, numbers):  # type: ignore[no-untyped-def]
     """Whether the borders keep a lane's distance at the bottom and do not cross in the processed rows."""
     top = 1.0 + BLOCK_PX * (numbers.blocks - 1)
     width = border[1, 2] - border[0, 2]
@@ -308,9 +308,9 @@ def _plausible(border, numbers):  # type: ignore[no-untyped-def]
 @kernel
 def _note_failure(border, score, failing, age, numbers):  # type: ignore[no-untyped-def]
     """Count frames in which a border failed; after `patience` of them, return it to the first stage."""
-    plausible = _plausible(border, numbers)
+    lane = plausible(border, numbers)
     for side in range(2):
-        if plausible and score[side] >= numbers.least_score:
+        if lane and score[side] >= numbers.least_score:
             failing[side] = 0
             continue
         failing[side] += 1

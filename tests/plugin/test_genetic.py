@@ -23,6 +23,7 @@ from plugin.lane.genetic_kernels import (
     crossover_points,
     decode,
     mutate,
+    plausible,
     roulette_weights,
     search_border,
     spin,
@@ -252,6 +253,30 @@ def test_a_lost_border_is_searched_anew():
     state, borders = run(road, 10, state)
     assert (borders.score > 30).all()
     assert np.median(row_errors(borders.left[0], 1.8)) < 5.0
+
+
+def borders_of(width_px, rise=0.0, bend=0.0):
+    """Both borders, `width_px` apart at the bottom; the right one moves away by rise·y + bend·y²."""
+    return np.array([[0.0, 0.3, 40.0], [bend, 0.3 + rise, 40.0 + width_px]])
+
+
+@pytest.mark.parametrize(
+    ("border", "accepted"),
+    [
+        (borders_of(199.9), False),
+        (borders_of(200.0), True),
+        (borders_of(650.0), True),
+        (borders_of(650.1), False),
+        (borders_of(-300.0, 5.0), False),  # left of the left one
+        # the topmost block is centred on y = 148
+        (borders_of(300.0, -300.0 / 147.0), False),
+        (borders_of(300.0, -300.0 / 149.0), True),
+        (borders_of(300.0, 0.0, -300.0 / 147.0**2), False),
+        (borders_of(300.0, 0.0, -300.0 / 149.0**2), True),
+    ],
+)
+def test_borders_that_can_be_a_lane_s(border, accepted):
+    assert plausible(border, PAPER) == accepted
 
 
 def test_a_road_without_markings_does_not_lock():

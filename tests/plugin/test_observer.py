@@ -11,7 +11,8 @@ from plugin.motion import observer
 from plugin.motion.bank_kernels import BankSchedule
 from plugin.motion.estimate import MotionEstimate, OwnReadings
 from plugin.motion.filter import FilterSettings, continuous_model, measurement
-from plugin.motion.filter_kernels import GYRO, N, predict, update
+from plugin.motion.filter_kernels import AIM, GYRO, N, predict, update
+from plugin.motion.filter_kernels import R as RESIDUAL
 from plugin.motion.observer import ObserverSettings
 from sumo_net.batch import join, select
 from sumo_net.settings import SettingsError, read
@@ -218,6 +219,22 @@ def test_step_is_the_textbook_kalman_filter_and_keeps_the_covariance(seed, speed
     rest = np.eye(N) - gain @ H
     assert new_P == pytest.approx(rest @ want_P @ rest.T + gain @ R @ gain.T, abs=1e-7)
     assert np.linalg.eigvalsh(new_P).min() > -1e-12
+
+
+@pytest.mark.parametrize("liveliness", [0.0, 1.0, 2.0])
+def test_the_harder_is_steered_the_sooner_it_may_change(change, liveliness):
+    """The variance of what is steered for grows by (liveliness · residual)² a second beyond the model's."""
+    s = observer.schedule(HALF, PREVIEW_M, ObserverSettings(filter=FilterSettings(liveliness=liveliness)))
+    residual = np.array([0.0, 0.5, -2.0, 9.0])
+    x = np.zeros((4, N))
+    x[:, RESIDUAL] = x[:, AIM] = residual
+    known = {"running": np.ones(4, bool), "x": x, "width": np.full(4, 3.75), "age": np.ones(4)}
+    dark = unseen(looks(change, None, 4)[0])
+    after, _ = observer.step(observer.init(4, s)._replace(**known), s, dark, np.full(4, 25.0))
+    steered = np.minimum(np.abs(after.x[:, RESIDUAL]), 3.0)
+    assert steered == pytest.approx(np.minimum(np.abs(residual), 3.0), rel=0.1)
+    grown = after.P[:, AIM, AIM] - s.noise[25, AIM, AIM]
+    assert grown == pytest.approx(0.1 * (liveliness * steered) ** 2, abs=1e-9)
 
 
 def test_table_between_two_speeds_is_near_the_exact_discretisation():

@@ -11,6 +11,7 @@ from sumo_net.driver import CAUSES, Driver
 from sumo_net.ego import Ego
 from sumo_net.road import RoadNetwork
 from sumo_net.traffic import Traffic
+from tests.true_drives import all_equipped
 
 # entered from the corner by a turn alone, from the middle by both, and straight on
 TRIPS = (("C2B2", "B2A2"), ("C1B1", "B1A1"), ("A0A1", "A1A2"), ("B1B0", "B0A0"), ("B1C1", "C1C2"))
@@ -19,8 +20,7 @@ TRIPS = (("C2B2", "B2A2"), ("C1B1", "B1A1"), ("A0A1", "A1A2"), ("B1B0", "B0A0"),
 @pytest.fixture(scope="module", params=["right", "left"])
 def begun(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     """Truth of the first 3 s of trips that begin at the start of an edge, at SUMO's full speed."""
-    folder: Path = tmp_path_factory.mktemp("grid")
-    net_file, routes = folder / "grid.net.xml", folder / "grid.rou.xml"
+    net_file: Path = tmp_path_factory.mktemp("grid") / "grid.net.xml"
     hand = ("--lefthand",) if request.param == "left" else ()
     netgenerate("--grid", "--grid.number", "3", "--grid.length", "200", "-L", "2", *hand)(net_file)
     trips = "".join(
@@ -28,18 +28,7 @@ def begun(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
         for k, (a, b) in enumerate(TRIPS)
         for lane in (0, 1)
     )
-    routes.write_text(f"<routes>{trips}</routes>")
-    command = ["-n", str(net_file), "-r", str(routes), "--step-length", "0.1", "--no-step-log", "true"]
-    rows = []
-    with Traffic.start(command) as traffic:
-        ego = Ego(RoadNetwork.from_net_file(net_file), traffic, 1)
-        for step in range(30):
-            traffic.step()
-            snapshot = traffic.snapshot()
-            truth = ego.step(snapshot, np.ones(len(snapshot.handle), np.bool_))
-            traffic.write_lateral(truth.handle, ego.front_lateral_m())
-            rows.append(pd.DataFrame(truth._asdict()).assign(step=step))
-    return pd.concat(rows)
+    return all_equipped(net_file, trips, 30)
 
 
 def test_who_begins_behind_a_corner_has_not_turned_round_it(begun: pd.DataFrame) -> None:

@@ -8,12 +8,10 @@ import pytest
 
 from benchmarks.road_networks import netgenerate
 from sumo_net.driver import Driver, numbers
-from sumo_net.ego import Ego
 from sumo_net.ego_kernels import guidance
 from sumo_net.ego_road_kernels import outer_share
-from sumo_net.road import RoadNetwork
-from sumo_net.traffic import Traffic
 from sumo_net.vehicle import Vehicle
+from tests.true_drives import all_equipped
 
 CAR = Vehicle()
 C = numbers(Driver(), CAR)
@@ -23,28 +21,14 @@ TRIPS = (("A0B0", "B0A0"), ("A1B1", "B1A1"), ("A0A1", "A1B1"), ("B0B1", "B1C1"),
 @pytest.fixture(scope="module", params=[1, 2], ids=["one_lane", "two_lanes"])
 def turns(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     """Truth of motorcycles that turn back, and round corners at 7 m/s, beside SUMO's speed (`sumo_mps`)."""
-    folder: Path = tmp_path_factory.mktemp("grid")
-    net_file, routes = folder / "grid.net.xml", folder / "grid.rou.xml"
+    net_file: Path = tmp_path_factory.mktemp("grid") / "grid.net.xml"
     netgenerate("--grid", "--grid.number", "3", "--grid.length", "110", "-L", str(request.param))(net_file)
     trips = "".join(
         f'<trip id="{k}" type="m" depart="{5 * k}" from="{a}" to="{b}" departPos="30" departLane="best" '
         'departSpeed="max"/>'
         for k, (a, b) in enumerate(TRIPS)
     )
-    routes.write_text(f'<routes><vType id="m" vClass="motorcycle"/>{trips}</routes>')
-    command = ["-n", str(net_file), "-r", str(routes), "--step-length", "0.1", "--no-step-log", "true"]
-    rows = []
-    with Traffic.start(command) as traffic:
-        ego = Ego(RoadNetwork.from_net_file(net_file), traffic, 1)
-        for step in range(450):
-            traffic.step()
-            snapshot = traffic.snapshot()
-            truth = ego.step(snapshot, np.ones(len(snapshot.handle), np.bool_))
-            if len(truth.handle):
-                traffic.write_lateral(truth.handle, ego.front_lateral_m())
-                table = pd.DataFrame(truth._asdict())
-                rows.append(table.assign(step=step, sumo_mps=snapshot.speed_mps[snapshot.lane >= 0]))
-    return pd.concat(rows)
+    return all_equipped(net_file, f'<vType id="m" vClass="motorcycle"/>{trips}', 450)
 
 
 def test_there_are_turns_that_no_car_can_make(turns: pd.DataFrame) -> None:
