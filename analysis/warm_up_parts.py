@@ -202,7 +202,6 @@ def own_drive() -> None:
     traffic = SimpleNamespace(lane_ids=[], accelerations_mps2=lambda _: no)
     fleet = Ego(SimpleNamespace(table=table), traffic, 0)
     truth = fleet.step(_snapshot(0), no != 0)
-    fleet.front_lateral_m()
     drawn = traits(Driver(), vehicle, 0, [], no)
     onto_paths(
         standing(np.zeros(0, np.int64)), attentive(drawn), drawn, table, np.zeros(0, np.int64),

@@ -16,8 +16,7 @@ import numpy as np
 from sumo_net.batch import join, select
 from sumo_net.driver import Driver, Traits, attentive, numbers, traits
 from sumo_net.driver_kernels import DISTRACTION, at_speed, reference
-from sumo_net.ego_kernels import advance
-from sumo_net.ego_road_kernels import drive_over, front_laterals, onto_paths, place, see
+from sumo_net.ego_road_kernels import drive_on, onto_paths, stand
 from sumo_net.snapshot import Snapshot
 from sumo_net.vehicle import Vehicle, model
 
@@ -125,6 +124,7 @@ class Ego:
         self._traits = self._draw([], np.zeros(0))
         self._mind = attentive(self._traits)
         self._motion = standing(np.zeros(0, np.int64))
+        self._front_lateral_m = np.zeros(0)
 
     def step(self, snapshot: Any, equipped: Array, alerted: Array | None = None) -> EgoTruth:
         """Move the equipped vehicles over the 0.1 s that led to this snapshot.
@@ -156,17 +156,16 @@ class Ego:
         drive = _no_drive(len(now.handle))
         if alerted is not None and len(alerted):
             drive.alerted[:] = np.isin(now.handle, alerted)
-        drive_over(
+        drive_on(
             motion, mind, self._traits, drive, table, now.lane_position_m, now.speed_mps, bumper,
             self._numbers, self._model,
         )  # fmt: skip
-        advance(motion, mind, self._traits, drive, self._numbers, self._model)
         self._motion, self._mind = motion, mind
         return self._truth(table)
 
     def front_lateral_m(self) -> Array:
         """Offset (n,) of the front bumper's centre from SUMO's lane, for Traffic.write_lateral."""
-        return front_laterals(self._motion, self._roads.table, self._vehicle.bumper_m)
+        return self._front_lateral_m
 
     def half_span_m(self) -> Array:
         """Half the distance (n,) between the outer edges of the front wheels, in truth's order."""
@@ -237,8 +236,9 @@ class Ego:
 
     def _truth(self, table: Any) -> EgoTruth:
         m, n = self._motion, len(self._motion.handle)
-        x, y, heading, curvature, speed = place(m, table)
-        right, left, kind_right, kind_left, lanes_left, marked = see(m, table)
+        pose, lane, self._front_lateral_m = stand(m, table, self._vehicle.bumper_m)
+        x, y, heading, curvature, speed = pose
+        right, left, kind_right, kind_left, lanes_left, marked = lane
         return EgoTruth(
             handle=m.handle,
             path=m.path,

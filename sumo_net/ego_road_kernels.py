@@ -9,7 +9,7 @@ import numpy as np
 
 from sumo_net.compile import kernel
 from sumo_net.driver_kernels import at_speed, reference, restart, shift_line
-from sumo_net.ego_kernels import forward_speed
+from sumo_net.ego_kernels import advance, forward_speed
 from sumo_net.frames import wrap_angle
 from sumo_net.road_kernels import containing_lanes, pose_at, project, segment_at, station_of
 from sumo_net.road_table import OWN_RIGHT
@@ -143,6 +143,13 @@ def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper,
 
 
 @kernel
+def drive_on(motion, mind, traits, drive, table, lane_position, speed, bumper, c, p):  # type: ignore[no-untyped-def]
+    """Move the vehicles over the step to SUMO's new positions, in place; `drive` is work space."""
+    drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper, c, p)
+    advance(motion, mind, traits, drive, c, p)
+
+
+@kernel
 def place(motion, table):  # type: ignore[no-untyped-def]
     """World x, y, heading of the centre of gravity, the path's curvature and the forward speed, each (n,)."""
     n = len(motion.station_m)
@@ -157,12 +164,6 @@ def place(motion, table):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def see(motion, table):  # type: ignore[no-untyped-def]
-    """The lane that contains each centre of gravity: see `containing_lanes`."""
-    return containing_lanes(table, motion.path, motion.station_m, motion.offset_m)
-
-
-@kernel
 def front_laterals(motion, table, bumper):  # type: ignore[no-untyped-def]
     """Offset (n,) of the front bumper's centre from the path abreast of it."""
     out = np.empty(len(motion.station_m))
@@ -173,3 +174,10 @@ def front_laterals(motion, table, bumper):  # type: ignore[no-untyped-def]
         # to second order in the bumper's distance b: the path curves by κ b² / 2 over it
         out[i] = d + bumper * math.sin(e) - 0.5 * curvature * ahead * ahead
     return out
+
+
+@kernel
+def stand(motion, table, bumper):  # type: ignore[no-untyped-def]
+    """`place`, `containing_lanes` of the centres of gravity, and `front_laterals`."""
+    lanes = containing_lanes(table, motion.path, motion.station_m, motion.offset_m)
+    return place(motion, table), lanes, front_laterals(motion, table, bumper)
