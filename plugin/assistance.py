@@ -19,7 +19,7 @@ from plugin.reaction import Listeners
 from plugin.record import MOST_WAITING, Recorder
 from plugin.truth import Scorer
 from plugin.warning import departure
-from sumo_net.batch import join, select
+from sumo_net.batch import ALL, join, select
 from sumo_net.bend_speed import BendSpeed
 from sumo_net.ego import Ego, EgoTruth, as_driven
 from sumo_net.equipment import EquipmentChoice
@@ -213,7 +213,7 @@ class DriverAssistance:
         self._script.step(snapshot)
         self.recorder.flush(MOST_WAITING)  # raises an error such as a full disk now, not with the next rows
         if self._steps % WRITE_EVERY_STEPS == 0:
-            self._rear_end.write_tracks()
+            self._rear_end.write_tracks(WORTH_WRITING)
         if self._steps % SETTLE_EVERY_STEPS == 0:
             self._scorer.settle(self._traffic.time_s)
             self._rear_end.settle(self._traffic.time_s)

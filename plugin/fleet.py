@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from plugin.chain import Chain, ChainState, Outcome
-from sumo_net.batch import select
+from sumo_net.batch import ALL, select
 from sumo_net.ego import EgoTruth
 from sumo_net.snapshot import Snapshot
 
@@ -92,7 +92,7 @@ class Fleet:
             return after, outcome, judge(rows, outcome)
 
         ends = np.cumsum([len(part.handle) for part in self._parts]).tolist()
-        slices = [slice(begin, end) for begin, end in itertools.pairwise([0, *ends])]
+        slices = [slice(*cut) for cut in itertools.pairwise([0, *ends])] if len(ends) > 1 else [ALL]
         run = self._pool.map if self._pool is not None and len(slices) > 1 else map
         begun = run(work, self._parts, slices)
 

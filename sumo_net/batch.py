@@ -9,9 +9,16 @@ import numpy as np
 
 B = TypeVar("B", bound=tuple[Any, ...])
 
+ALL = slice(None)
+
 
 def select(batch: B, index: Any) -> B:
-    """The rows of a batch that `index` (slice, integers or mask) selects; a slice gives views."""
+    """The rows of a batch that `index` (slice, integers or mask) selects; a slice gives views.
+
+    `ALL` gives the batch itself.
+    """
+    if index is ALL:
+        return batch
     return type(batch)(*[select(part, index) if isinstance(part, tuple) else part[index] for part in batch])
 
 
