@@ -10,6 +10,7 @@ import subprocess
 import warnings
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -196,7 +197,7 @@ class Traffic:
         known = self._names
         position, angle, speed, lanes, along = self._reader.places([known[handle] for handle in order])
         handles = np.array(order, dtype=np.int64)
-        xy = np.array(position, dtype=np.float64).reshape(-1, 2)
+        xy = np.fromiter(chain.from_iterable(position), np.float64, 2 * len(order)).reshape(-1, 2)
         lane = self._lane_indices(lanes)
         on_lane = lane >= 0
         bodies = self._bodies[handles]
