@@ -38,7 +38,8 @@ from sumo_net.traffic import Traffic, TrafficError
 Array = np.ndarray[Any, Any]
 
 SETTLE_EVERY_STEPS = 100  # rows are scored and written every 10 s of simulated time …
-WRITE_EVERY_STEPS = 10  # … those of `tracks`, scored at once, every second
+WRITE_EVERY_STEPS = 10  # … those of `tracks`, scored at once, every second in which there are so many
+WORTH_WRITING = 10_000
 
 
 class Latest(NamedTuple):
@@ -302,7 +303,7 @@ class DriverAssistance:
     def _sensing(self, truth: EgoTruth) -> slice | Array:
         """Vehicles whose sensors run: all, or with `watch.alone` those whose frames are kept."""
         if self._capture is None or self._watch is None or not self._watch.alone:
-            return slice(None)
+            return ALL
         return self._capture.watched(truth.handle)
 
     def _write_to_sumo(self, snapshot: Snapshot, truth: EgoTruth) -> None:

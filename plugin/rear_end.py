@@ -118,9 +118,9 @@ class RearEndScorer:
         own = (step.handle[step.tracks.owner] == handle) & step.tracks.confirmed
         return table([time], [step.of(own)], self._traffic.names)
 
-    def write_tracks(self) -> None:
-        """Hand the tracks so far to the recorder, which may write them later."""
-        if self._pending:
+    def write_tracks(self, fewest: int = 1) -> None:
+        """Hand the tracks so far, if `fewest` or more, to the recorder, which may write them later."""
+        if self._pending and sum(rows.codes.shape[1] for _, rows in self._pending) >= fewest:
             times, steps = zip(*self._pending, strict=True)
             self._pending, names = [], dict(self._traffic.names)
             self._recorder.later(lambda: self._recorder.append("tracks", table(times, steps, names)))
