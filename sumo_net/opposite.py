@@ -20,7 +20,7 @@ class OppositeLanes:
         number = {name: k for k, name in enumerate(traffic.lane_ids)}
         known = sorted((number[real], lane) for real, lane in graph.against.items() if real in number)
         self._lane = np.array([k for k, _ in known], np.int32)
-        self._edge = [graph.lanes[traffic.lane_ids[k]].edge for k, _ in known]
+        self._edge = [_edge_of(graph, traffic.lane_ids[k]) for k, _ in known]
         self._against = len(number) + np.arange(len(known), dtype=np.int32)
         self._length_m = np.array([graph.lanes[lane].length_m for _, lane in known])
         traffic.lane_ids.extend(lane for _, lane in known)
@@ -54,5 +54,16 @@ class OppositeLanes:
         return np.where(turned, -left_m, left_m)
 
     def _is_turned(self, handle: int, k: int) -> bool:
-        # the route goes on along the vehicle's own edge
+        # the route has the vehicle's own edge first; on a junction, the one before it
         return self._edge[k] not in self._traffic.route_ahead(handle)[:1]
+
+
+def _edge_of(graph: LaneGraph, lane: str) -> str:
+    """The edge of a lane; of an internal one, the edge before the junction."""
+    seen = {lane}
+    while graph.lanes[lane].internal and graph.inward.get(lane):
+        lane = graph.inward[lane][0].source
+        if lane in seen:
+            break
+        seen.add(lane)
+    return graph.lanes[lane].edge

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.road_networks import _edge, _node, netconvert
+from benchmarks.road_networks import _both, _edge, _node, netconvert
 from sumo_net import lane_graph
 from sumo_net.driver import CAUSES
 from sumo_net.ego import Ego
@@ -20,25 +20,25 @@ from sumo_net.traffic import Traffic
 ROUTES = """<routes>
 <vType id="lorry" vClass="truck" maxSpeed="6" length="12" sigma="0"/>
 <vType id="car" vClass="passenger" lcOpposite="2" lcAssertive="1" sigma="0"/>
-<vehicle id="slow" type="lorry" depart="0" departPos="150" departSpeed="max"><route edges="ab"/></vehicle>
-<vehicle id="other" type="lorry" depart="0" departSpeed="max"><route edges="ba"/></vehicle>
-<vehicle id="fast" type="car" depart="1" departSpeed="max"><route edges="ab"/></vehicle>
+<vehicle id="slow" type="lorry" depart="0" departPos="150" departSpeed="max"><route edges="am mb"/></vehicle>
+<vehicle id="other" type="lorry" depart="0" departSpeed="max"><route edges="bm ma"/></vehicle>
+<vehicle id="fast" type="car" depart="1" departSpeed="max"><route edges="am mb"/></vehicle>
 </routes>"""
 
 
 @pytest.fixture(scope="module", params=["right", "left"])
 def rural(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A slightly bent road of two lanes, one in each direction."""
+    """A slightly bent road of two lanes, one in each direction, with a junction amid the overtaking."""
     file = tmp_path_factory.mktemp("rural") / "rural.net.xml"
-    points = [(0, 0), (500, 0), (700, 5), (1000, 20), (2500, 95)]
-    shape = " ".join(f"{x},{y}" for x, y in points)
-    back = " ".join(f"{x},{y}" for x, y in reversed(points))
-    edges = [
-        _edge("ab", "a", "b", 1, f'shape="{shape}"'),
-        _edge("ba", "b", "a", 1, f'shape="{back}"'),
-    ]
+    rest = [(320, 0), (500, 0), (700, 5), (1000, 20), (2500, 95)]
+    shape = " ".join(f"{x},{y}" for x, y in rest)
+    back = " ".join(f"{x},{y}" for x, y in reversed(rest))
+    edges = [_edge("am", "a", "m", more='priority="9"'), _edge("ma", "m", "a", more='priority="9"')]
+    edges += [_edge("mb", "m", "b", more=f'priority="9" shape="{shape}"')]
+    edges += [_edge("bm", "b", "m", more=f'priority="9" shape="{back}"')]
+    nodes = [_node("a", 0, 0), _node("m", 320, 0), _node("b", 2500, 95), _node("side", 320, -200)]
     hand = ("--lefthand",) if request.param == "left" else ()
-    netconvert([_node("a", 0, 0), _node("b", 2500, 95)], edges, "--opposites.guess", *hand)(file)
+    netconvert(nodes, [*edges, *_both("side", "side", "m")], "--opposites.guess", *hand)(file)
     return file
 
 
@@ -74,8 +74,8 @@ def drive(rural: Path) -> pd.DataFrame:
 
 def test_the_lane_is_the_other_one_driven_the_other_way(rural: Path) -> None:
     roads = RoadNetwork.from_net_file(rural)
-    assert roads.graph.against == {"ab_0": "ab_0 against", "ba_0": "ba_0 against"}
-    with_it, against = roads.path("ba_0"), roads.path("ba_0 against", ("ab",), "ab_0")
+    assert {"am_0", "ma_0", "mb_0", "bm_0"} <= set(roads.graph.against)
+    with_it, against = roads.path("bm_0"), roads.path("bm_0 against", ("mb",), "mb_0")
     table = roads.table
     own_m = table.own_end_m[with_it] - table.own_start_m[with_it]
     for s in (100.0, 600.0, own_m - 100.0):
@@ -96,8 +96,10 @@ def test_the_lane_is_the_other_one_driven_the_other_way(rural: Path) -> None:
 
 def test_the_overtaking_car_drives_on(drive: pd.DataFrame) -> None:
     car = drive[drive["id"] == "fast"]
-    assert (car["lane"] == "ba_0 against").sum() > 30
-    assert car["lane"].iloc[-1] == "ab_0"
+    against = car[car["lane"].str.endswith(" against")]
+    assert len(against) > 30
+    assert against["lane"].str.startswith(":m").any()
+    assert car["lane"].iloc[-1] == "mb_0"
     moved = np.hypot(car["x_m"].diff(), car["y_m"].diff())
     assert (moved - 0.1 * car["speed_mps"]).abs().max() < 0.1
     assert car["heading_rad"].abs().max() < 0.3
@@ -129,5 +131,8 @@ def test_others_see_the_change_of_a_vehicle_that_is_not_equipped_spread_over_tim
     assert car["seen_y_m"].diff().abs().max() < 0.4
 
 
-def test_the_oncoming_lorry_drives_on_its_own_lane(drive: pd.DataFrame) -> None:
-    assert set(drive[drive["id"] == "other"]["lane"]) == {"ba_0"}
+def test_who_does_not_overtake_stays_on_lanes_in_their_direction(drive: pd.DataFrame) -> None:
+    lanes = drive.groupby("id")["lane"].unique()
+    assert len(lanes["slow"]) == 3
+    assert lanes["slow"][1].startswith(":m")  # across the junction
+    assert not any(lane.endswith(" against") for lane in (*lanes["slow"], *lanes["other"]))
