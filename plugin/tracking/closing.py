@@ -50,9 +50,11 @@ class Closing:
     width_m: float = Field(2.0, gt=0, description="width of a rear before it has been seen")
     width_std_m: float = Field(0.4, gt=0, description="standard deviation of that width")
     width_walk_m: float = Field(
-        0.003, ge=0, description="random walk of the width in 1 s, as sides come into view"
+        0.01, ge=0, description="random walk of the width in 1 s, as sides come into view"
     )
-    edge_px: float = Field(0.1, gt=0, description="σ of the apparent width in the image")
+    edge_px: float = Field(
+        0.05, gt=0, description="σ of the apparent width in the image, besides that of its two sides"
+    )
     edge_share: float = Field(0.0002, ge=0, description="further noise in proportion to the apparent width")
     gate: float = Field(
         9.0,

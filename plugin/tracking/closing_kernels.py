@@ -49,12 +49,13 @@ def _width_row(x, width_px, p, h):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, fresh, d, p, out):  # type: ignore[no-untyped-def]
+def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, doubt_px, fresh, d, p, out):  # type: ignore[no-untyped-def]
     """One step of T tracks over d seconds in place, the mixture's mean into out (T, 4).
 
     x (T, r, 4), P (T, r, 4, 4), mu (T, r), own_before and misfits (T,): a ClosingState's. own (T,): the
     radar's speed along the line of sight now. z_range, z_rate, width_px (T,) are NaN where nothing was
-    measured; `fresh` ones (T,) stay as they are. p: ClosingNumbers.
+    measured; doubt_px (T,) is the width's standard deviation, besides `edge_px`; `fresh` ones (T,) stay as
+    they are. p: ClosingNumbers.
     """
     tracks, r = len(x), x.shape[1]
     x0, P0, log_mu = np.empty((r, _N)), np.empty((r, _N, _N)), np.empty(r)
@@ -73,7 +74,7 @@ def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, fresh, d
         if math.isfinite(z_range[t]):
             _measure_echo(x[t], P[t], z_range[t], z_rate[t] + own[t], p, h, log_mu)
         if math.isfinite(width_px[t]):
-            misfits[t] = _measure_width(x[t], P[t], width_px[t], misfits[t], p, h, log_mu)
+            misfits[t] = _measure_width(x[t], P[t], width_px[t], doubt_px[t], misfits[t], p, h, log_mu)
         _weigh(x[t], log_mu, mu[t], out[t])
 
 
@@ -157,9 +158,9 @@ def _row(h, measured):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _measure_width(x, P, width_px, misfits, p, h, log_mu):  # type: ignore[no-untyped-def]
+def _measure_width(x, P, width_px, doubt_px, misfits, p, h, log_mu):  # type: ignore[no-untyped-def]
     """Update r models by a width in the image, if it fits; returns how many in a row have not."""
-    variance = p.edge_px**2 + (p.edge_share * width_px) ** 2
+    variance = p.edge_px**2 + (p.edge_share * width_px) ** 2 + doubt_px**2
     fits = False
     for j in range(len(x)):
         y = _width_row(x[j], width_px, p, h)
@@ -230,7 +231,7 @@ def follow(state, tracks, detections, sensor, view, in_path, d, camera, p):  # t
     misfits, fresh = np.zeros(count, np.int64), np.empty(count, np.bool_)
     own_before, own, along = np.empty(count), np.empty(count), np.empty((count, _N))
     z_range, z_rate = np.full(count, math.nan), np.full(count, math.nan)
-    width = np.full(count, math.nan)
+    width, doubt = np.full(count, math.nan), np.zeros(count)
     for k in range(count):
         t, i, old = row[k], tracks.owner[row[k]], before[k]
         owner[k], track_id[k] = i, tracks.track_id[t]
@@ -256,8 +257,8 @@ def follow(state, tracks, detections, sensor, view, in_path, d, camera, p):  # t
             z_range[k] = detections.range_m[tracks.detection[t]]
             z_rate[k] = detections.range_rate_mps[tracks.detection[t]]
         if camera and view.track_id[i] == track_id[k]:
-            width[k] = view.right_px[i] - view.left_px[i]
-    step(x, P, mu, own_before, misfits, own, z_range, z_rate, width, fresh, d, p, along)
+            width[k], doubt[k] = view.right_px[i] - view.left_px[i], view.doubt_px[i]
+    step(x, P, mu, own_before, misfits, own, z_range, z_rate, width, doubt, fresh, d, p, along)
     better = np.empty((8, len(tracks.owner)))
     for t in range(len(tracks.owner)):
         better[0, t], better[1, t], better[2, t] = e.range_m[t], e.range_rate_mps[t], e.x_m[t]

@@ -22,6 +22,10 @@ _REACH_PX, _MOST_PX = 2.0, 8.0  # tolerance of a side's column, plus in metres:
 _AFTER_STRIP_M, _AFTER_FRAME_M = 0.10, 0.05
 _CONTRAST = 12.0  # least grey step at a side, over the root of the rows averaged
 _DISTINCT = 2.5  # and relative to the mean step beside it
+_FLANK_M = 0.5  # how far inside the silhouette the rear's corner may be, as the flank shows
+_QUIET = 4  # columns of the rear that are looked at before
+_DOUBT = 0.6  # standard deviation of a side's column, px, relative to the unevenness of its grey
+_CORNER = 3.0  # least step at the corner relative to those on the rear
 
 
 @kernel
@@ -113,27 +117,39 @@ def _profiles(frame, zones, x, y, lift, first, last, p, rows, profile):  # type:
 
 
 @kernel
-def _side(profile, rows, expected, reach):  # type: ignore[no-untyped-def]
-    """(column, step) of the most distinct vertical edge in profile (zones, width).
+def _step_at(profile, rows, c):  # type: ignore[no-untyped-def]
+    """Sum over the rows of the change of grey across column c + 1."""
+    size = 0.0
+    for z in range(len(rows)):  # an edge inside a pixel gives two steps of the same sign
+        size += rows[z] * abs(profile[z, c + 2] - profile[z, c])
+    return size
 
-    It is searched within `reach` of the expected column. A body's side is vertical, so in the same column in
-    all zones, whatever its grey in each; lane lines are slanted. The step is weighted by the root of the rows
-    averaged; it is 0 if no edge stands out.
+
+@kernel
+def _silhouette(profile, rows, low, high):  # type: ignore[no-untyped-def]
+    """The column before the most distinct vertical edge between two columns; -1 if none stands out.
+
+    A body's side is vertical, so in the same column in all zones, whatever its grey in each; lane lines are
+    slanted.
     """
-    low, high = math.floor(expected - reach), math.ceil(expected + reach)
-    if low < 2 or high > profile.shape[1] - 5:
-        return math.nan, 0.0
-    best, at, total = 0.0, low, 0.0
-    for c in range(low, high + 1):  # an edge inside a pixel gives two steps of the same sign
-        size = 0.0
+    best, at, total = 0.0, -1, 0.0
+    for c in range(low, high + 1):
         for z in range(len(rows)):
             total += rows[z] * abs(profile[z, c + 1] - profile[z, c])
-            size += rows[z] * abs(profile[z, c + 2] - profile[z, c])
+        size = _step_at(profile, rows, c)
         if size > best:
             best, at = size, c
-    if best * (high - low + 1) < _DISTINCT * total:
-        return math.nan, 0.0
-    column, weight = 0.0, 0.0
+    return at if best * (high - low + 1) >= _DISTINCT * total else -1
+
+
+@kernel
+def _column(profile, rows, at):  # type: ignore[no-untyped-def]
+    """(column, step, doubt) of the edge behind column `at`.
+
+    The step is weighted by the root of the rows averaged. doubt : standard deviation of the column, px. The
+    grey on both sides of a sharp edge is even; it is not for noise or a second edge that is not told apart.
+    """
+    column, weight, rest = 0.0, 0.0, 0.0
     for z in range(len(rows)):
         g = profile[z]
         before = 0.5 * (0.5 * (g[at - 2] + g[at - 1]) + g[at])
@@ -141,39 +157,94 @@ def _side(profile, rows, expected, reach):  # type: ignore[no-untyped-def]
         step = after - before
         if rows[z] > 0 and step != 0.0:
             covered = (after - g[at + 1]) / step  # share of the pixel between, as before the edge
-            column += rows[z] * step * step * min(max(covered, 0.0), 1.0)
+            within = min(max(covered, 0.0), 1.0)
+            column += rows[z] * step * step * within
             weight += rows[z] * step * step
+            for k in range(3):
+                rest += rows[z] * ((g[at - k] - before) ** 2 + (g[at + 2 + k] - after) ** 2)
+            rest += rows[z] * ((covered - within) * step) ** 2
     if weight == 0.0:
-        return math.nan, 0.0
-    return at + 0.5 + column / weight, math.sqrt(weight)
+        return math.nan, 0.0, 0.0
+    return at + 0.5 + column / weight, math.sqrt(weight), _DOUBT * math.sqrt(rest / weight)
+
+
+@kernel
+def _step_in_most(profile, rows, c):  # type: ignore[no-untyped-def]
+    """`_step_at` without the zone that changes most: a lamp or the slanted end of the strip is in one."""
+    most = 0.0
+    for z in range(len(rows)):
+        most = max(most, rows[z] * abs(profile[z, c + 2] - profile[z, c]))
+    return _step_at(profile, rows, c) - most
+
+
+@kernel
+def _corner(profile, rows, outer, outward, flank):  # type: ignore[no-untyped-def]
+    """The column of the first upright edge on the way `outward` (-1 or 1) to `outer` from `flank` px inside.
+
+    Of a body that is askew the flank shows, too, and the silhouette ends at its far end. The rear ends where
+    the grey first changes in all zones by more than it does on the rear.
+    """
+    total, quiet = 0.0, 0
+    for k in range(flank, 0, -1):
+        c = outer - outward * k
+        size = _step_in_most(profile, rows, c)
+        if quiet >= _QUIET and size * quiet > _CORNER * total:
+            edge = c
+            while edge != outer and _step_at(profile, rows, edge + outward) > _step_at(profile, rows, edge):
+                edge += outward
+            if _column(profile, rows, edge)[1] > _CONTRAST:
+                return edge
+        total, quiet = total + size, quiet + 1
+    return outer
+
+
+@kernel
+def _side(profile, rows, expected, reach, outward, flank):  # type: ignore[no-untyped-def]
+    """(column, step, doubt) of the rear's side in profile (zones, width), the step 0 if no edge stands out.
+
+    A silhouette is searched within `reach` of the expected column, the corner up to `flank` px inside of it.
+    """
+    low, high = max(math.floor(expected - reach), 2), min(math.ceil(expected + reach), profile.shape[1] - 5)
+    if high - low < _REACH_PX:
+        return math.nan, 0.0, 0.0
+    at = _silhouette(profile, rows, low, high)
+    if at < 0:
+        return math.nan, 0.0, 0.0
+    inside = profile.shape[1] - 5 - at if outward < 0 else at - 2
+    corner = _corner(profile, rows, at, outward, min(flank, inside))
+    return _column(profile, rows, corner)
 
 
 @kernel
 def sides(frame, x, y, lift, left, right, reach_m, p):  # type: ignore[no-untyped-def]
-    """(left, right) columns of the sides of a body at (x, y), expected at `left` and `right`.
+    """(left, right, doubt) columns of the sides of a body at (x, y), expected at `left` and `right`.
+
+    doubt : standard deviation of their distance, px.
 
     lift : rows by which it stands higher in the image than (x, y) says. NaN where a side is not found.
     """
     width = frame.shape[1]
     scale = p.focal / max(x - p.forward, 1.0)
-    reach = min(_REACH_PX + reach_m * scale, _MOST_PX)
-    found = np.full(2, math.nan)
+    reach, flank = min(_REACH_PX + reach_m * scale, _MOST_PX), int(_FLANK_M * scale)
+    found, doubt = np.full(2, math.nan), 0.0
     rows, profile = np.zeros(len(_PAINT_M) - 1), np.zeros((len(_PAINT_M) - 1, width))
     for k in range(2):
         expected = left if k == 0 else right
         if not 0.0 <= expected <= width - 1.0:
-            return math.nan, math.nan
-        first, last = int(max(expected - reach - 4, 0)), int(min(expected + reach + 6, width - 1))
+            return math.nan, math.nan, 0.0
+        outward = 2 * k - 1
+        first = int(max(expected - reach - 4 - (flank if k == 1 else 0), 0))
+        last = int(min(expected + reach + 6 + (flank if k == 0 else 0), width - 1))
         _profiles(frame, _PAINT_M, x, y, lift, first, last, p, rows, profile)
-        column, step = _side(profile, rows, expected, reach)
+        column, step, unsure = _side(profile, rows, expected, reach, outward, flank)
         if step <= _CONTRAST:
             _profiles(frame, _STRIP_M, x, y, lift, first, last, p, rows[:1], profile)
-            column, step = _side(profile[:1], rows[:1], expected, reach)
+            column, step, unsure = _side(profile[:1], rows[:1], expected, reach, outward, 0)
         if step > _CONTRAST:
-            found[k] = column
+            found[k], doubt = column, math.hypot(doubt, unsure)
     if not _NARROWEST_M * scale <= found[1] - found[0] <= _WIDEST_M * scale:
-        return math.nan, math.nan
-    return found[0], found[1]
+        return math.nan, math.nan, 0.0
+    return found[0], found[1], doubt
 
 
 @kernel
@@ -185,14 +256,15 @@ def look_fleet(frames, watched, p, out):  # type: ignore[no-untyped-def]
             continue
         # The strip at the foot cannot be a lane line behind the body; sides of the frame before can.
         left, right, lift = strip(frames[i], x, y, p)
+        doubt = 0.0
         if math.isfinite(left):
-            left, right = sides(frames[i], x, y, lift, left, right, _AFTER_STRIP_M, p)
+            left, right, doubt = sides(frames[i], x, y, lift, left, right, _AFTER_STRIP_M, p)
         if math.isnan(left) and math.isfinite(watched.left_px[i] + watched.right_px[i]):
             left, right = watched.left_px[i], watched.right_px[i]
-            left, right = sides(frames[i], x, y, 0.0, left, right, _AFTER_FRAME_M, p)
+            left, right, doubt = sides(frames[i], x, y, 0.0, left, right, _AFTER_FRAME_M, p)
         if math.isfinite(left):
             out.track_id[i] = watched.track_id[i]
-            out.left_px[i], out.right_px[i] = left, right
+            out.left_px[i], out.right_px[i], out.doubt_px[i] = left, right, doubt
 
 
 @kernel

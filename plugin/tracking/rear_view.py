@@ -33,6 +33,7 @@ class RearView(NamedTuple):
     track_id: Array  # int64, -1 for none
     left_px: Array
     right_px: Array
+    doubt_px: Array  # standard deviation of the distance between them
 
 
 def nobody_watched(n: int) -> Watched:
@@ -42,7 +43,7 @@ def nobody_watched(n: int) -> Watched:
 
 def nothing_seen(n: int) -> RearView:
     """n cameras that saw nothing."""
-    return RearView(np.full(n, NOBODY, np.int64), np.full(n, np.nan), np.full(n, np.nan))
+    return RearView(np.full(n, NOBODY, np.int64), *(np.full(n, np.nan) for _ in range(3)))
 
 
 def look(frames: Array, watched: Watched, projection: Projection) -> RearView:

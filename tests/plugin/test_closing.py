@@ -35,6 +35,7 @@ def follow(
     own: np.ndarray,
     z: np.ndarray,
     width_px: np.ndarray | None = None,
+    doubt_px: float = 0.0,
 ) -> tuple[list[ClosingState], np.ndarray, np.ndarray]:
     """States, range and rate (steps, n) from own speeds (steps, n), z (steps, n, 2), width_px (steps, n)."""
     state, states, ranges, rates = filter_.init(), [], [], []
@@ -46,7 +47,7 @@ def follow(
         view = nothing_seen(n)
         if width_px is not None:
             seen = np.isfinite(width_px[k])
-            view = RearView(np.where(seen, IN_PATH, -1), zero, width_px[k])
+            view = RearView(np.where(seen, IN_PATH, -1), zero, width_px[k], zero + doubt_px)
         sensor = SensorMotion(own[k], zero, zero, zero, zero)
         state, better = filter_.step(state, tracks, detections, sensor, view, np.full((n, 1), IN_PATH), 0.1)
         states.append(ClosingState(*(part.copy() for part in state)))
@@ -119,6 +120,19 @@ def test_of_a_leader_that_goes_on_braking_the_closing_speed_does_not_lag() -> No
     lag, before = (np.abs((one - rate)[35:50].mean()) for one in (found, fading))
     assert lag < 0.05
     assert lag < 0.6 * before
+
+
+def test_a_doubtful_width_counts_for_less() -> None:
+    """Widths off by 2 px, as of a body whose flank comes into view, were taken for exact."""
+    rng = np.random.default_rng(6)
+    own, r, rate = braking(200)
+    z = np.stack([r, rate], axis=2) + rng.normal(size=(*r.shape, 2)) * [1.0, 0.5]
+    width = P.focal * WIDTH_M / (r + MOUNT_M) + 2.0 * rng.normal(size=r.shape)
+    _, *exact = follow(make(), own, z, width)
+    _, *doubted = follow(make(), own, z, width, 2.0)
+    (ttc_exact, rate_exact), (ttc_doubted, rate_doubted) = (errors(r, rate, *one) for one in (exact, doubted))
+    assert ttc_doubted < 0.9 * ttc_exact
+    assert rate_doubted < 0.9 * rate_exact
 
 
 def test_settings_name_what_does_not_fit() -> None:

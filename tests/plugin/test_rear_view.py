@@ -65,6 +65,42 @@ def test_sides_of_a_van_whose_dark_strip_ends_among_the_rows_looked_at() -> None
     assert np.nanquantile(error, 0.9) < 0.01
 
 
+@pytest.mark.parametrize("heading", [-0.09, 0.09])
+def test_of_a_body_that_is_askew_the_rear_is_measured_without_its_flank(heading: float) -> None:
+    """The silhouette ends at the flank's far end: while a body turned, it seemed to grow by up to 10 %."""
+    rear = np.linspace(10.0, 24.0, 32)
+    cos, sin = math.cos(heading), math.sin(heading)
+    rows = [
+        [{"handle": 7 + i, "forward_m": x + 2.3 * cos, "left_m": 2.3 * sin, "heading_rad": heading}]
+        for i, x in enumerate(rear.tolist())
+    ]
+    frames = shoot(road_ahead(np.zeros(len(rear))), preset("clear"), objects=objects_at(rows))
+    view = look(frames, looking_for(rear), P)
+    left, right = (
+        np.array([image_from_vehicle(x - side * sin, side * cos, 0.35, P)[0] for x in rear])
+        for side in (HALF_M, -HALF_M)
+    )
+    error = (view.right_px - view.left_px) / (right - left) - 1.0
+    assert np.isfinite(error).mean() > 0.8
+    assert np.nanmedian(np.abs(error)) < 0.01
+    assert np.nanquantile(np.abs(error), 0.8) < 0.02
+
+
+def test_a_side_that_is_not_sharp_is_doubted() -> None:
+    """A flank a pixel wide is not told from the rear, and noise blurs: such widths were taken for exact."""
+    x = np.linspace(10.0, 24.0, 32)
+    road = road_ahead(np.zeros(len(x)))
+
+    def doubts(condition: str, heading: float) -> np.ndarray:
+        body = leaders(x, heading_rad=heading)
+        return look(shoot(road, preset(condition), objects=body), looking_for(x), P).doubt_px
+
+    sharp = np.nanmedian(doubts("clear", 0.0))
+    assert sharp < 0.2
+    assert np.nanmedian(doubts("clear", 0.02)) > 1.5 * sharp
+    assert np.nanmedian(doubts("rain", 0.0)) > 1.2 * sharp
+
+
 def test_in_an_image_scaled_unequally_heights_go_by_the_vertical_focal_length() -> None:
     camera = Camera(focal_y_px=600.0)
     x = np.linspace(12.0, 30.0, 16)
@@ -108,7 +144,7 @@ def test_an_empty_road_shows_nothing() -> None:
 
 
 def test_what_is_looked_for_next_grows_and_turns() -> None:
-    view = RearView(np.array([3, 3]), np.array([140.0, 140.0]), np.array([180.0, 180.0]))
+    view = RearView(np.array([3, 3]), np.full(2, 140.0), np.full(2, 180.0), np.zeros(2))
     now, then = (np.full(2, 20.0), np.zeros(2)), (np.full(2, 16.0), np.zeros(2))
     out = watch(np.array([3, 4]), now, then, view, np.full(2, 0.01), P)
     shift = 925.0 * math.tan(0.01)
