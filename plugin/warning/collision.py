@@ -111,7 +111,10 @@ class Collision:
         "x",
     )
     lost_reach_s: float = Field(
-        2.5, gt=0, description="while the lane is lost, only objects within this time at the own speed count"
+        2.5,
+        gt=0,
+        description="while the lane is lost, only objects within this time at the own speed (3 m/s or more) "
+        "count",
     )
     entry_gap_m: float = Field(
         2.0, ge=0, description="no object enters the path nearer than this: it is being passed"

@@ -145,6 +145,15 @@ def sight_shares(tracks, watched, share, memory_steps, now):  # type: ignore[no-
 
 
 @kernel
+def _remember(new, i, track_id, steps, sighted):  # type: ignore[no-untyped-def]
+    """Note in CollisionState `new` a track of vehicle i that is where the path is."""
+    for k in range(new.inside.shape[1]):
+        if new.inside[i, k] == NONE:
+            new.inside[i, k], new.waited[i, k], new.sightings[i, k] = track_id, steps, sighted
+            return
+
+
+@kernel
 def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, offset):  # type: ignore[no-untyped-def]
     """Which tracks are in path, into inside (T,) bool, and how far from its middle, offset (T,).
 
@@ -152,12 +161,19 @@ def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, off
     often they were sighted; those that are go into `new`, with `inside` -1 before. nearest (n,) int64, -1
     before : the row of the nearest of them, whether it counts or not.
     """
-    now, waits, sights = new.inside, new.waited, new.sightings
     for t in range(tracks.owner.size):
         i = tracks.owner[t]
         inside[t], offset[t] = False, math.nan
         x, y = tracks.x_m[t], tracks.y_m[t]
-        if not tracks.usable[t] or x <= 0.0 or not math.isfinite(x + y):
+        if x <= 0.0 or not math.isfinite(x + y):
+            continue
+        steps, sighted = 0, int(tracks.sighted[t])
+        for k in range(state.inside.shape[1]):
+            if state.inside[i, k] == tracks.track_id[t]:
+                steps, sighted = state.waited[i, k], sighted + state.sightings[i, k]
+        if not tracks.usable[t]:
+            if steps > 0:  # detected again, it is where it was: nearer than `entry` it could not enter
+                _remember(new, i, tracks.track_id[t], steps, sighted)
             continue
         seen = math.isfinite(
             motion.lateral_offset_m[i]
@@ -180,10 +196,6 @@ def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, off
             half = p.half_lane
             d = road_offset(x, y, 0.0, 0.0, bend, 0.0, p.road_reach)
         offset[t] = d
-        steps, sighted = 0, int(tracks.sighted[t])
-        for k in range(state.inside.shape[1]):
-            if state.inside[i, k] == tracks.track_id[t]:
-                steps, sighted = state.waited[i, k], sighted + state.sightings[i, k]
         known = steps > 0
         doubt = 0.5 * p.doubt * x * x  # how far off a wrong curvature puts the lane there
         close = x <= p.guess_reach * speed[i]
@@ -195,7 +207,7 @@ def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, off
         if inside[t] and tracks.standing[t]:
             inside[t] = abs(d) <= p.stationary - doubt
         if inside[t] and not seen:
-            inside[t] = x <= p.lost_reach * speed[i]
+            inside[t] = x - p.bumper <= p.lost_reach * max(speed[i], p.least_speed)
         if not inside[t]:
             continue
         if nearest[i] == NONE or x < tracks.x_m[nearest[i]]:
@@ -210,11 +222,7 @@ def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, off
                 inside[t] = False
             elif inside[t]:
                 sighted = p.sightings  # it stays a target
-        for k in range(now.shape[1]):
-            if now[i, k] == NONE:
-                now[i, k], waits[i, k] = tracks.track_id[t], steps + 1
-                sights[i, k] = min(sighted, p.sightings)
-                break
+        _remember(new, i, tracks.track_id[t], steps + 1, min(sighted, p.sightings))
 
 
 @kernel

@@ -218,3 +218,21 @@ def test_camera_looks_at_the_nearest_body_in_path_before_it_counts() -> None:
     assert (warning.nearest[0], warning.row[0]) == (1, 1)
     warning, _ = driver.step(post | {"y_m": 4.0})
     assert (warning.nearest[0], warning.row[0]) == (-1, -1)
+
+
+def test_a_target_that_was_not_detected_for_a_while_is_still_the_target_however_near() -> None:
+    """Nothing enters the path nearer than `entry_gap_m`; a leader missed by three scans was lost for good."""
+    driver, near = Driver(), {"gap": 1.5, "vx_mps": V - 4.0}
+    driver.step({"gap": 3.0, "vx_mps": V - 4.0})
+    for _ in range(3):
+        _, path = driver.step({**near, "usable": 0, "detected": 0})
+        assert not path.inside[0]
+    assert driver.step(near)[1].inside[0]
+    assert not Driver().step(near)[1].inside[0]
+
+
+def test_in_a_queue_without_markings_the_leader_is_the_target_down_to_standstill() -> None:
+    """With less than 2.5 s at the own speed counted from the centre of gravity, it was lost below 1.4 m/s."""
+    for v in (2.0, 1.0, 0.3):
+        assert Driver().step({"gap": 2.5, "vx_mps": 0.1}, v=v, **LOST)[1].inside[0]
+        assert not Driver().step({"gap": 12.0, "vx_mps": 0.1}, v=v, **LOST)[1].inside[0]
