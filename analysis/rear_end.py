@@ -51,10 +51,11 @@ def conflict_counts(conflicts: pd.DataFrame, warnings: pd.DataFrame, km: float) 
 def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
     """|error| of the time to collision where the true one is under 3 s and the leader is in view.
 
-    Bodies that overlap have collided: only before that there is a time to collision.
+    Bodies that overlap have collided: only before that there is a time to collision. The same goes for
+    a leader that another vehicle overlaps: sensors see one body there, which moves as either.
     """
-    seen = before_collision(steps)
-    near = seen[seen["true_gap_m"] > 0.0]
+    seen = in_sight(steps)
+    near = before_collision(steps)
     error, every = ttc_error(near), ttc_error(seen)
     by_track = ttc_error(near, "fcw_track_ttc_s") if "fcw_track_ttc_s" in near else error + np.inf
     return {
@@ -69,9 +70,18 @@ def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def before_collision(steps: pd.DataFrame) -> pd.DataFrame:
+def in_sight(steps: pd.DataFrame) -> pd.DataFrame:
     """The steps at which the true time to collision is under NEAR_TTC_S and the leader is in view."""
     return steps[(steps["true_ttc_s"] < NEAR_TTC_S) & steps["true_leader_visible"].fillna(False)]
+
+
+def before_collision(steps: pd.DataFrame) -> pd.DataFrame:
+    """Those of `in_sight` at which no body overlaps the leader's, neither the own one nor another."""
+    seen = in_sight(steps)
+    apart = seen["true_gap_m"] > 0.0
+    if "true_leader_overlapped" in seen:  # not in tables of an older version
+        apart &= ~seen["true_leader_overlapped"].fillna(False).astype(bool)
+    return seen[apart]
 
 
 def ttc_error(near: pd.DataFrame, column: str = "fcw_ttc_s") -> pd.Series:

@@ -87,6 +87,38 @@ def in_view(handle, share, target, least):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _overlap(objects, i, a, b):  # type: ignore[no-untyped-def]
+    """Whether the footprints of the Objects a and b of vehicle i overlap: no side of either parts them."""
+    dx = objects.forward_m[i, b] - objects.forward_m[i, a]
+    dy = objects.left_m[i, b] - objects.left_m[i, a]
+    turn = objects.heading_rad[i, b] - objects.heading_rad[i, a]
+    cos, sin = abs(math.cos(turn)), abs(math.sin(turn))
+    for one, other in ((a, b), (b, a)):
+        c, s = math.cos(objects.heading_rad[i, one]), math.sin(objects.heading_rad[i, one])
+        length, width = 0.5 * objects.length_m[i, other], 0.5 * objects.width_m[i, other]
+        along, across = cos * length + sin * width, sin * length + cos * width
+        if abs(c * dx + s * dy) >= 0.5 * objects.length_m[i, one] + along:
+            return False
+        if abs(c * dy - s * dx) >= 0.5 * objects.width_m[i, one] + across:
+            return False
+    return True
+
+
+@kernel
+def overlapped(objects, target):  # type: ignore[no-untyped-def]
+    """Whether another vehicle's body overlaps the one of `target` (n,), -1 for none, among Objects (n, M)."""
+    out = np.zeros(len(target), np.bool_)
+    for i in range(len(target)):
+        for m in range(objects.handle.shape[1]):
+            if target[i] == -1 or objects.handle[i, m] != target[i]:
+                continue
+            for k in range(objects.handle.shape[1]):
+                if k != m and objects.handle[i, k] >= 0 and _overlap(objects, i, m, k):
+                    out[i] = True
+    return out
+
+
+@kernel
 def _approached(leader, i, speed, closing, close):  # type: ignore[no-untyped-def]
     return leader.closing_mps[i] > closing or leader.gap_m[i] < close * speed[i]
 

@@ -128,6 +128,15 @@ def in_view(objects: Objects, share: Array, target: Array, least_share: float = 
     return out
 
 
+def overlapped(objects: Objects, target: Array) -> Array:
+    """Whether another vehicle's body overlaps that of `target` (n,), -1 for none: one of them is not there.
+
+    SUMO's vehicles may pass through each other after a collision, and where they change lanes at once.
+    """
+    out: Array = kernels.overlapped(objects, target)
+    return out
+
+
 def _widened(table: Array, width: int, fill: float) -> Array:
     more = np.full((len(table), width - table.shape[1]), fill, table.dtype)
     return np.concatenate([table, more], axis=1)

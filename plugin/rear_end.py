@@ -8,7 +8,7 @@ import numpy as np
 from plugin.configuration import Configuration
 from plugin.conflicts import ConflictBook
 from plugin.events import event_columns
-from plugin.leaders import NOBODY, LaneOrder, Leaders, in_view, path_leaders, warned_of
+from plugin.leaders import NOBODY, LaneOrder, Leaders, in_view, overlapped, path_leaders, warned_of
 from plugin.ranging import Echo
 from plugin.record import Recorder
 from plugin.track_truth import Followed, Rows, Step, TrackTruth, table
@@ -30,6 +30,7 @@ class Judged(NamedTuple):
     by_place: Leaders  # leaders by position, not by SUMO's lane
     warned_of: Leaders  # the bodies that drivers are warned of, nobody for those that are not in the way
     visible: Array  # (n,) bool: the leader on SUMO's lane is the same, and in the radar's view
+    overlapped: Array  # (n,) bool: another body overlaps that leader's
     followed: Followed
     tracks: Step
     rows: Rows | None  # of `tracks`, if that is recorded
@@ -68,16 +69,17 @@ class RearEndScorer:
         ahead = truth, echo.objects, self._roads.table
         by_place = path_leaders(*ahead, self._bumper_m, self._overlap_m)
         visible = in_view(echo.objects, echo.seen.share, leader) & (by_place.handle == leader)
+        shared = overlapped(echo.objects, leader)
         followed, tracks = self._tracks.follow(truth, echo)
         row = np.where(echo.warning.level > 0, echo.warning.row, -1)
         target = np.append(tracks.target, NOBODY)[row]
         warned = warned_of(*ahead, target, self._bumper_m, self._overlap_m, self._entering_s)
         if not self._recording.tracks:
-            return Judged(by_place, warned, visible, followed, tracks, None)
+            return Judged(by_place, warned, visible, shared, followed, tracks, None)
         everything = self._scans % self._recording.roadside_every == 0
         shown = tracks.tracks.confirmed & (everything | (tracks.target >= 0))
         shown[echo.warning.row[echo.warning.row >= 0]] = True
-        return Judged(by_place, warned, visible, followed, tracks, tracks.of(shown))
+        return Judged(by_place, warned, visible, shared, followed, tracks, tracks.of(shown))
 
     def add(self, truth: EgoTruth, leader: Leaders, parts: Sequence[tuple[Echo, Judged]]) -> dict[str, Array]:
         """Take one step of n vehicles, part by part; its columns of `steps`, with codes for LABELS."""
@@ -109,6 +111,7 @@ class RearEndScorer:
             "true_ttc_s": leader.ttc_s,
             "true_leader_visible": visible,
             "fcw_track_ttc_s": np.concatenate([echo.track_ttc_s for echo in echoes]),
+            "true_leader_overlapped": np.concatenate([one.overlapped for one in judged]),
         }
 
     def latest_of(self, handle: int) -> dict[str, Any]:

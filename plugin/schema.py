@@ -127,6 +127,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("true_y_m", "centre of gravity in SUMO's network, y (north)", decimals=3),
         Column("true_lane_width_m", "width of the marked lane that the vehicle is in", decimals=3),
         Column("fcw_track_ttc_s", "fcw_ttc_s computed from the radar track alone", decimals=3),
+        _flag("true_leader_overlapped", "another vehicle's body overlaps that leader, as after a collision"),
     ),
     "predictions": (
         _RUN,

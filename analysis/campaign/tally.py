@@ -37,7 +37,7 @@ def tally(tables: Mapping[str, pd.DataFrame]) -> Tally:
     near, close = before_crossing(steps), before_collision(steps)
     out |= _errors("tlc_error", tlc_error(near, "tlc_s"))
     out |= _errors("tlc_true_state_error", tlc_error(near, "tlc_true_state_s"))
-    out |= _errors("ttc_error", ttc_error(close[close["true_gap_m"] > 0.0]))
+    out |= _errors("ttc_error", ttc_error(close))
     out |= _times("true_tlc", steps["true_tlc_s"])
     out |= _times("true_ttc", steps.loc[steps["true_ttc_s"] < 10.0, "true_ttc_s"])
     out |= _times("ldw_lead_time", departures["lead_time_s"])

@@ -66,6 +66,8 @@ def test_bodies_that_have_collided_have_no_time_to_collision() -> None:
     )
     f = ttc_errors(steps)
     assert (f["ttc_steps"], f["ttc_steps_overlapping"]) == (2, 2)
+    shared = ttc_errors(steps.assign(true_leader_overlapped=[True, False, False, False]))
+    assert (shared["ttc_steps"], shared["ttc_steps_overlapping"]) == (1, 3)
     assert f["ttc_error_p95_s"] == pytest.approx(0.1)
     assert math.isinf(f["ttc_error_with_overlap_p95_s"])
     assert f["ttc_no_target_rate"] == 0.0

@@ -12,7 +12,7 @@ import sumo
 
 from plugin.conflicts import ConflictBook
 from plugin.events import event_columns
-from plugin.leaders import LaneOrder, Leaders, in_view, nobody, path_leaders, warned_of
+from plugin.leaders import LaneOrder, Leaders, in_view, nobody, overlapped, path_leaders, warned_of
 from plugin.record import Recorder
 from plugin.schema import TABLES
 from tests.roads import objects_at
@@ -263,6 +263,25 @@ def test_in_view() -> None:
     share = np.array([[0.5, np.nan], [0.01, np.nan]])
     assert in_view(objects, share, np.array([1, 1])).tolist() == [True, False]
     assert in_view(objects, share, np.array([7, -1])).tolist() == [False, False]
+
+
+@pytest.mark.parametrize(
+    ("beside", "overlaps"),
+    [
+        ({"forward_m": 34.5}, True),  # 4.6 m long each
+        ({"forward_m": 34.7}, False),
+        ({"left_m": 1.7}, True),  # 1.8 m wide each
+        ({"left_m": 1.9}, False),
+        ({"left_m": 2.2, "heading_rad": 0.5}, True),
+        ({"forward_m": 33.4, "left_m": 3.1, "heading_rad": 0.7854}, False),  # parted by its own rear alone
+        ({"handle": -5}, False),  # a post
+    ],
+)
+def test_a_leader_that_another_vehicle_overlaps(beside: dict[str, float], overlaps: bool) -> None:
+    leader = {"handle": 3, "forward_m": 30.0, "left_m": 0.0}
+    objects = objects_at([[leader, {**leader, "handle": 8, **beside}]])
+    assert overlapped(objects, np.array([3])).tolist() == [overlaps]
+    assert overlapped(objects, np.array([-1])).tolist() == [False]
 
 
 def straight_road(heading_rad: float = 0.0, speed_mps: float = 30.0) -> tuple:
