@@ -207,7 +207,7 @@ def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, off
         if inside[t] and tracks.standing[t]:
             inside[t] = abs(d) <= p.stationary - doubt
         if inside[t] and not seen:
-            inside[t] = x - p.bumper <= p.lost_reach * max(speed[i], p.least_speed)
+            inside[t] = x - p.bumper <= p.lost_reach * max(speed[i], _LEAST_SPEED_MPS)
         if not inside[t]:
             continue
         if nearest[i] == NONE or x < tracks.x_m[nearest[i]]:
