@@ -16,7 +16,7 @@ from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from sumo_net.driver_kernels import TABLE_SPEED_STEP_MPS
 from sumo_net.randomness import generator, stream_key
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 from sumo_net.step import STEP_S
 from sumo_net.vehicle import Vehicle, single_track
 
@@ -186,34 +186,34 @@ class Mind(NamedTuple):
 class DriverNumbers(NamedTuple):
     """The parameters of a Driver, as kernels take them."""
 
-    bandwidth: float
+    bandwidth_rps: float
     damping: float
     tight_gain: float
-    noise_time: float
+    noise_time_s: float
     jitter_gain: float  # rad, of unrest minus its slow part
     jitter_keep: float  # decay factor of both per step
-    steer_lag: float
-    steer_rate_most: float
-    steer_most: float
-    correction_most: float
+    steer_lag_s: float
+    steer_rate_most_rps: float
+    steer_most_rad: float
+    correction_most_mps2: float
     acceleration_most: float
-    slow: float
+    slow_mps: float
     glance_rate: float
     glance_log_mean: float
     glance_log_sd: float
-    drift_sd: float
+    drift_sd_mps2: float
     microsleep_rate: float
-    microsleep_least: float
-    microsleep_most: float
-    calm_curve: float
-    calm_change: float
-    wake_beyond: float
-    startle: float
+    microsleep_least_s: float
+    microsleep_most_s: float
+    calm_curve_mps2: float
+    calm_change_mps2: float
+    wake_beyond_border_m: float
+    startle_s: float
     understeer: float  # K_u / L
     wheelbase: float
     noise_scale: Array  # (16,) disturbance in m/s² per metre of SDLP at 0, 4, … 60 m/s
     jitter_lateral: Array  # (16,) SDLP in m due to the jitter alone
-    preview: Array  # (16,) s, preview time at which the driver reads curvature and desired line
+    preview_s: Array  # (16,) at which the driver reads curvature and desired line
 
 
 def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
@@ -222,35 +222,20 @@ def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
     keep = math.exp(-STEP_S / driver.jitter_time_s)
     parts = [lateral_sds(driver, vehicle, max(float(v), driver.slow_mps)) for v in speeds]
     preview = [max(driver.steer_lag_s + response_delay(vehicle, max(float(v), 1.0)), 0.0) for v in speeds]
-    return DriverNumbers(
-        bandwidth=driver.bandwidth_rps,
-        damping=driver.damping,
-        tight_gain=driver.tight_gain,
-        noise_time=driver.noise_time_s,
+    return kernel_view(
+        DriverNumbers,
+        driver,
         jitter_gain=driver.jitter_sd_rad / quick_sd(keep),
         jitter_keep=keep,
-        steer_lag=driver.steer_lag_s,
-        steer_rate_most=driver.steer_rate_most_rps,
-        steer_most=driver.steer_most_rad,
-        correction_most=driver.correction_most_mps2,
         acceleration_most=driver.friction * 9.81,
-        slow=driver.slow_mps,
         glance_rate=driver.distraction_per_min / 60.0,
         glance_log_mean=math.log(driver.glance_mean_s) - 0.5 * driver.glance_log_sd**2,
-        glance_log_sd=driver.glance_log_sd,
-        drift_sd=driver.drift_sd_mps2,
         microsleep_rate=driver.microsleep_per_min / 60.0,
-        microsleep_least=driver.microsleep_least_s,
-        microsleep_most=driver.microsleep_most_s,
-        calm_curve=driver.calm_curve_mps2,
-        calm_change=driver.calm_change_mps2,
-        wake_beyond=driver.wake_beyond_border_m,
-        startle=driver.startle_s,
         understeer=vehicle.understeer / vehicle.wheelbase_m,
         wheelbase=vehicle.wheelbase_m,
         noise_scale=np.array([1.0 / slow for slow, _ in parts]),
         jitter_lateral=np.array([driver.jitter_sd_rad * quick for _, quick in parts]),
-        preview=np.array(preview),
+        preview_s=np.array(preview),
     )
 
 

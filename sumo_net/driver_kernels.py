@@ -178,8 +178,8 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
         beyond = abs(d_front) + traits.half_span_m[i] - half_lane
         if alerted:
             mind.episode_left_s[i] = min(mind.episode_left_s[i], traits.reaction_s[i])
-        if beyond > c.wake_beyond:
-            mind.episode_left_s[i] = min(mind.episode_left_s[i], c.startle)
+        if beyond > c.wake_beyond_border_m:
+            mind.episode_left_s[i] = min(mind.episode_left_s[i], c.startle_s)
         mind.episode_left_s[i] -= STEP_S
         if mind.episode_left_s[i] <= 0.0:
             mind.episode_left_s[i] = 0.0
@@ -198,8 +198,8 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
         length = 0.0
         if mind.until_microsleep_s[i] <= 0.0:
             mind.until_microsleep_s[i] = draw_waiting(mind, traits, i, c.microsleep_rate)
-            span = c.microsleep_most - c.microsleep_least
-            length = c.microsleep_least + span * draw(mind, traits, i)
+            span = c.microsleep_most_s - c.microsleep_least_s
+            length = c.microsleep_least_s + span * draw(mind, traits, i)
             mind.cause[i] = MICROSLEEP
         elif mind.until_glance_s[i] <= 0.0:
             mind.until_glance_s[i] = draw_waiting(mind, traits, i, c.glance_rate)
@@ -208,9 +208,9 @@ def attend(mind, traits, i, d, d_front, half_lane, steer, calm, alerted, c):  # 
         if length > 0.0:
             mind.episode_left_s[i] = length
             mind.held_steer_rad[i] = steer
-            mind.drift_mps2[i] = c.drift_sd * draw_normal(mind, traits, i)
+            mind.drift_mps2[i] = c.drift_sd_mps2 * draw_normal(mind, traits, i)
 
-    decay = math.exp(-STEP_S / c.noise_time)
+    decay = math.exp(-STEP_S / c.noise_time_s)
     mind.steps[i] += 1
     kick = math.sqrt(1.0 - decay * decay) * normal(traits.noise_key[i], mind.steps[i])
     return decay * mind.noise[i] + kick

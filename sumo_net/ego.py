@@ -181,7 +181,7 @@ class Ego:
         mind.veer_from_m[i] = reference(mind, self._traits, i)[0]
         mind.veer_rate_mps[i], mind.veer_ramp_s[i] = rate_mps, ramp_s
         # steering takes effect after `preview` seconds: starting at once, the drift would overshoot
-        preview = at_speed(self._numbers.preview, self._motion.along_mps[i])
+        preview = at_speed(self._numbers.preview_s, self._motion.along_mps[i])
         mind.veer_elapsed_s[i], mind.veer_left_s[i] = -preview, for_s + preview
         mind.cause[i], mind.signal[i] = DISTRACTION, 0
 

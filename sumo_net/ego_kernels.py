@@ -106,10 +106,10 @@ def guidance(bend, v, e, odd_yaw_rate, c):  # type: ignore[no-untyped-def]
     `odd_yaw_rate`, the vehicle's minus the curve's, counts too: after a turn with guidance, wheels that are
     still turned would take the vehicle off the road.
     """
-    lock = bend * c.wheelbase * (1.0 + c.understeer * v * v) / c.steer_most
+    lock = bend * c.wheelbase * (1.0 + c.understeer * v * v) / c.steer_most_rad
     beyond = max(_ramp(bend * v * v, GUIDED_MPS2), _ramp(lock, GUIDED_LOCK))
     beyond = max(beyond, _ramp(abs(odd_yaw_rate), GUIDED_RPS), _ramp(abs(e), GUIDED_RAD))
-    return max(_GUIDE_PER_STEP * beyond, _ramp(bend * c.wheelbase / c.steer_most, LED_LOCK))
+    return max(_GUIDE_PER_STEP * beyond, _ramp(bend * c.wheelbase / c.steer_most_rad, LED_LOCK))
 
 
 @kernel
@@ -203,7 +203,7 @@ def _demand(x, v, line, disturbance, look, tight, c):  # type: ignore[no-untyped
     line: position, velocity, acceleration; disturbance: m/s².
     """
     # Below `slow`, control goes by distance, not time: nothing is singular at standstill.
-    v_scale = max(v, c.slow)
+    v_scale = max(v, c.slow_mps)
     per_square = 1.0 / (v_scale * v_scale)
     harder = 1.0 + c.tight_gain * tight
     sine, cosine = sine_cosine(x[1])
@@ -211,9 +211,9 @@ def _demand(x, v, line, disturbance, look, tight, c):  # type: ignore[no-untyped
     back, limit = correction(
         x[0] - line[0],
         drift - line[1],
-        c.bandwidth * harder,
+        c.bandwidth_rps * harder,
         c.damping,
-        c.correction_most * harder,
+        c.correction_most_mps2 * harder,
         c.acceleration_most,
     )
     back += line[2] + disturbance
@@ -229,7 +229,10 @@ def _demand(x, v, line, disturbance, look, tight, c):  # type: ignore[no-untyped
 def _attention(i, x, steer, tight, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
     """Let the driver's attention, and episodes of inattention, go on; returns the new slow noise."""
     k, square = drive.curvature_after_1pm[i], drive.speed_after_mps[i] * drive.speed_after_mps[i]
-    calm = abs(k) * square < c.calm_curve and abs(drive.curvature_sight_1pm[i] - k) * square < c.calm_change
+    calm = (
+        abs(k) * square < c.calm_curve_mps2
+        and abs(drive.curvature_sight_1pm[i] - k) * square < c.calm_change_mps2
+    )
     if tight > 0.2:  # R < 78 m: no inattention in turns
         calm = False
         mind.episode_left_s[i] = min(mind.episode_left_s[i], STEP_S)
@@ -244,8 +247,8 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
     `drive` (Drive): inputs from road and SUMO; c: DriverNumbers; p: Model.
     """
     h = STEP_S / SUBSTEPS
-    steer_share = 1.0 - math.exp(-h / c.steer_lag)
-    steer_move_most = c.steer_rate_most * h
+    steer_share = 1.0 - math.exp(-h / c.steer_lag_s)
+    steer_move_most = c.steer_rate_most_rps * h
     for i in range(len(motion.offset_m)):
         x = (motion.offset_m[i], motion.heading_rad[i], motion.lateral_speed_mps[i], motion.yaw_rate_rps[i])
         steer = motion.steer_rad[i] - c.jitter_gain * (mind.unrest[i] - mind.calm[i])  # without jitter
@@ -266,7 +269,7 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         # The slow disturbance makes up what the jitter leaves of the driver's SDLP
         slow_sd = math.sqrt(max(traits.sd_m[i] ** 2 - at_speed(c.jitter_lateral, v_mean) ** 2, 0.0))
         scale = slow_sd * at_speed(c.noise_scale, v_mean)  # m/s² of disturbance
-        course = _course(mind, traits, i, at_speed(c.preview, v_mean))
+        course = _course(mind, traits, i, at_speed(c.preview_s, v_mean))
         elapsed, veer_elapsed = mind.change_elapsed_s[i], mind.veer_elapsed_s[i]
 
         for j in range(SUBSTEPS):
@@ -275,7 +278,7 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
             k, k_end = k_old + begin * (k_new - k_old), k_old + end * (k_new - k_old)
             steer_per_curvature = c.wheelbase * (1.0 + c.understeer * v * v)
             if frozen:
-                v_scale = max(v, c.slow)
+                v_scale = max(v, c.slow_mps)
                 drift = steer_per_curvature * mind.drift_mps2[i]
                 asked = mind.held_steer_rad[i] + drift * (1.0 / (v_scale * v_scale))
             else:
@@ -283,14 +286,14 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
                 disturbance = scale * (noise_old + begin * (noise_new - noise_old))
                 look = look_old + begin * (look_new - look_old)
                 asked = steer_per_curvature * _demand(x, v, line, disturbance, look, tight, c)
-            asked = min(max(asked, -c.steer_most), c.steer_most)
+            asked = min(max(asked, -c.steer_most_rad), c.steer_most_rad)
             move = min(max(steer_share * (asked - steer), -steer_move_most), steer_move_most)
             jitter, jitter_end = jitter_end, jitter_old + end * jitter_change
             x = runge_kutta(
                 x, steer + jitter, steer + move + jitter_end, stretch * v, stretch * v_end, k, k_end, h, p
             )
             steer += move
-            elapsed += h * min(1.0, v * (1.0 / c.slow))
+            elapsed += h * min(1.0, v * (1.0 / c.slow_mps))
             veer_elapsed += h
 
         mind.change_elapsed_s[i] = elapsed
@@ -299,7 +302,7 @@ def advance(motion, mind, traits, drive, c, p):  # type: ignore[no-untyped-def]
         guide = guidance(bend, v_mean, x[1], x[3] - k_new * stretch * v_new, c)
         if guide > 0.0:
             x = guided(x, _changing(course, elapsed)[0], k_new, stretch * v_new, guide, p)
-            steer += guide * (min(max(c.wheelbase * k_new, -c.steer_most), c.steer_most) - steer)
+            steer += guide * (min(max(c.wheelbase * k_new, -c.steer_most_rad), c.steer_most_rad) - steer)
         motion.offset_m[i], motion.heading_rad[i] = x[0], x[1]
         motion.lateral_speed_mps[i], motion.yaw_rate_rps[i] = x[2], x[3]
         motion.steer_rad[i] = steer + jitter_end

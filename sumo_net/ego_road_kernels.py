@@ -49,7 +49,7 @@ def settle(motion, mind, traits, i, table, station, along, c, p):  # type: ignor
     motion.lateral_speed_mps[i], motion.yaw_rate_rps[i] = v_y, yaw_rate
     motion.heading_rad[i] = -math.atan2(v_y, v)
     steer = c.wheelbase * curvature * (1.0 + c.understeer * v * v)
-    motion.steer_rad[i] = min(max(steer, -c.steer_most), c.steer_most)
+    motion.steer_rad[i] = min(max(steer, -c.steer_most_rad), c.steer_most_rad)
     restart(mind, traits, i)
 
 
@@ -125,10 +125,10 @@ def drive_over(motion, mind, traits, drive, table, lane_position, speed, bumper,
         ):
             settle(motion, mind, traits, i, table, place - way, along, c, p)
             lead = 0.0
-        lead *= 1.0 - fade * min(1.0, along / c.slow)
+        lead *= 1.0 - fade * min(1.0, along / c.slow_mps)
         station = max(place + lead, motion.station_m[i])
         before, after = motion.station_m[i], station
-        preview = at_speed(c.preview, along)
+        preview = at_speed(c.preview_s, along)
         _, _, _, drive.curvature_before_1pm[i] = pose_at(table, path, before)
         _, _, _, drive.curvature_after_1pm[i] = pose_at(table, path, after)
         _, _, _, drive.preview_before_1pm[i] = pose_at(table, path, before + preview * motion.along_mps[i])

@@ -82,7 +82,7 @@ class Bench:
     def step(self, alerted: Array | None = None) -> None:
         v, s = self.speed_mps, self.station_m
         after = s + STEP_S * v
-        ahead = v * np.interp(v, 4.0 * np.arange(16), self.numbers.preview)
+        ahead = v * np.interp(v, 4.0 * np.arange(16), self.numbers.preview_s)
         same = np.full(self.n, v)
         drive = Drive(
             STEP_S * same,

@@ -38,7 +38,7 @@ def test_a_driver_drifts_at_the_rate_and_comes_back(rate: float, road: Any) -> N
     for _ in range(30):
         bench.step()
     began = bench.motion.offset_m[0]
-    mind, preview = bench.mind, at_speed(bench.numbers.preview, 20.0)
+    mind, preview = bench.mind, at_speed(bench.numbers.preview_s, 20.0)
     mind.veer_from_m[:], mind.veer_rate_mps[:], mind.veer_ramp_s[:] = 0.0, rate, 1.0
     mind.veer_elapsed_s[:], mind.veer_left_s[:], mind.cause[:] = -preview, 4.0 + preview, DISTRACTION
     offsets = []
