@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import bootstrap, chi2
+from scipy.stats import binomtest, bootstrap, chi2
 
 Array = np.ndarray[Any, Any]
 
@@ -19,6 +19,12 @@ def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
     tail = (1.0 - level) / 2.0
     low = float(chi2.ppf(tail, 2 * count) / 2.0) if count else 0.0
     return low, float(chi2.ppf(1.0 - tail, 2 * count + 2) / 2.0)
+
+
+def wilson_interval(count: int, number: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share."""
+    interval = binomtest(count, number).proportion_ci(0.95, "wilson")
+    return float(interval.low), float(interval.high)
 
 
 def per_100_km(count: float, km: float) -> float:

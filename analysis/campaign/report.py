@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
 from analysis.campaign.differences import differences
 from analysis.campaign.store import Store
 from analysis.campaign.tally import COUNTS, Tally, add, distribution, quantile, root_mean_square
 from analysis.metrics import ERRORS
-from analysis.statistics import per_100_km, poisson_interval, ratio_interval
+from analysis.statistics import per_100_km, poisson_interval, ratio_interval, wilson_interval
 from plugin.tracking.classification import NAMES
 from plugin.truth import HORIZONS_S
 from sumo_net.settings import SettingsError
@@ -161,8 +160,8 @@ def _shares(total: Mapping[str, int]) -> Iterable[dict[str, Any]]:
         count, number = total.get(name, 0), total.get(of, 0)
         row: dict[str, Any] = {"figure": name, "of": of, "count": count, "number": number}
         if number:
-            interval = binomtest(count, number).proportion_ci(0.95, "wilson")
-            row |= {"share": count / number, "low": interval.low, "high": interval.high}
+            low, high = wilson_interval(count, number)
+            row |= {"share": count / number, "low": low, "high": high}
         yield row
 
 

@@ -81,10 +81,7 @@ def run(experiment: ImmExperiment, kinds: tuple[str, ...], z: Array) -> tuple[Ar
     steps, runs, _ = z.shape
     r = len(kinds)
     F, Q = polar_models(kinds, experiment.motion).transition(np.array([experiment.step_s]))
-    markov = np.eye(1)
-    if r > 1:
-        markov = np.full((r, r), (1.0 - experiment.stay) / (r - 1))
-        np.fill_diagonal(markov, experiment.stay)
+    markov = imm.markov_of(experiment.stay, r)
     R, P = experiment.noise.covariance, np.zeros((6, 6))
     P[np.ix_([0, 1, 3], [0, 1, 3])] = R
     P[2, 2] = experiment.start_acceleration_mps2**2

@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 from camera_synth.camera import Projection
 from plugin.tracking import closing_kernels as kernels
 from plugin.tracking.detections import Detections, SensorMotion
+from plugin.tracking.imm import markov_of
 from plugin.tracking.models import RadarNoise
 from plugin.tracking.rear_view import RearView
 from plugin.tracking.tracker import TrackList
@@ -111,11 +112,8 @@ class ClosingFilter:
         self, options: Closing, noise: RadarNoise, mount_forward_m: float, projection: Projection
     ) -> None:
         self.options = options
-        r = len(options.acceleration_mps2)
-        markov = np.full((r, r), (1.0 - options.stay) / max(r - 1, 1))
-        np.fill_diagonal(markov, options.stay if r > 1 else 1.0)
         self._numbers = ClosingNumbers(
-            markov,
+            markov_of(options.stay, len(options.acceleration_mps2)),
             np.array(options.acceleration_mps2),
             np.array(options.time_s),
             noise.range_m,

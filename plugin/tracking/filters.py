@@ -2,12 +2,12 @@
 
 from typing import Any, Literal, Protocol
 
-import numpy as np
 from pydantic import Field
 
 from plugin.tracking.adaptive import Adaptation
 from plugin.tracking.detections import Array, Detections, SensorMotion
 from plugin.tracking.ground import GroundFilter
+from plugin.tracking.imm import markov_of
 from plugin.tracking.models import GroundMotion, PolarMotion, RadarNoise
 from plugin.tracking.polar import PolarFilter, StartSpread
 from sumo_net.settings import settings
@@ -90,11 +90,7 @@ def make(name: str, options: FilterSettings) -> Filter:
     kinds: dict[str, tuple[str, ...]] = {"imm": options.imm_models, "cv": ("cv",), "ca": ("ca",)}
     if name not in kinds:
         raise ValueError(f"filter = {name!r}: allowed are {', '.join(FILTERS)}")
-    r = len(kinds[name])
-    markov = np.eye(1)
-    if r > 1:
-        markov = np.full((r, r), (1.0 - options.imm_stay) / (r - 1))
-        np.fill_diagonal(markov, options.imm_stay)
+    markov = markov_of(options.imm_stay, len(kinds[name]))
     return PolarFilter(
         kinds[name], markov, options.polar, options.noise, options.start, options.mount_forward_m
     )

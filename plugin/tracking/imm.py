@@ -33,6 +33,13 @@ def init(x: Array, P: Array, mu: Array) -> ImmState:
     )
 
 
+def markov_of(stay: float, r: int) -> Array:
+    """Π (r, r) of models that are kept with probability `stay`; all others are equally likely to follow."""
+    markov = np.full((r, r), (1.0 - stay) / max(r - 1, 1))
+    np.fill_diagonal(markov, stay if r > 1 else 1.0)
+    return markov
+
+
 def check_markov(markov: Array, r: int) -> Array:
     """Π as a float (r, r) array. Raises ValueError where it is not stochastic: Π[i, j] = P(i → j)."""
     markov = np.asarray(markov, np.float64)
