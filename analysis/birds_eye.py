@@ -10,6 +10,7 @@ from analysis import canvas
 from analysis.canvas import Array
 from analysis.drive import Drive
 from camera_synth.camera import Camera, projection, vehicle_from_image
+from sumo_net.polyline import stations
 from sumo_net.road_table import DASHED, NO_MARKING
 
 BEHIND_M, AHEAD_M = 12.0, 108.0
@@ -89,7 +90,7 @@ def _dashes(points: Array) -> Array:
     finite = points[np.isfinite(points).all(axis=1)]
     if len(finite) < 2:
         return finite
-    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(finite, axis=0).T))]
+    along = stations(finite)
     at = np.arange(0.0, along[-1], 6.0)[:, None] + np.array([0.0, 3.0, np.nan])
     return np.stack([np.interp(at.ravel(), along, column) for column in finite.T], axis=1)
 

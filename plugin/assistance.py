@@ -19,7 +19,7 @@ from plugin.reaction import Listeners
 from plugin.record import MOST_WAITING, Recorder
 from plugin.truth import Scorer
 from plugin.warning import departure
-from sumo_net.batch import ALL, join, select
+from sumo_net.batch import ALL, join, longer, select
 from sumo_net.bend_speed import BendSpeed
 from sumo_net.ego import Ego, EgoTruth, as_driven
 from sumo_net.equipment import EquipmentChoice
@@ -289,8 +289,7 @@ class DriverAssistance:
         new = snapshot.handle[snapshot.handle > self._last_handle].tolist()
         if new:
             self._last_handle = max(new)
-            while self._last_handle >= len(self._equipped):
-                self._equipped = np.concatenate([self._equipped, np.zeros_like(self._equipped)])
+            self._equipped = longer(self._equipped, self._last_handle + 1)
             chosen = self._choice.choose(self._traffic, new)
             self._equipped[chosen] = True
             names = {handle: self._traffic.vehicle_id(handle) for handle in chosen}

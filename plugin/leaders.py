@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from plugin import leader_kernels as kernels
+from sumo_net.batch import longer
 from sumo_net.ego import EgoTruth
 from sumo_net.lane_chain import lanes_ahead
 from sumo_net.lane_graph import LaneGraph
@@ -61,9 +62,8 @@ class LaneOrder:
         if len(self._chains) > _REMEMBERED_CHAINS:  # bounded: every vehicle may have a route of its own
             self._forget_chains()
         rows = np.searchsorted(snapshot.handle, handle)
-        while len(self._row) <= handle.max():
-            self._row = np.concatenate([self._row, np.full_like(self._row, -1)])
-            self._lane = np.concatenate([self._lane, np.full_like(self._lane, -1)])
+        known = int(handle.max()) + 1
+        self._row, self._lane = longer(self._row, known, -1), longer(self._lane, known, -1)
         lane = snapshot.lane[rows]
         for i in np.flatnonzero(self._lane[handle] != lane).tolist():
             self._lane[handle[i]] = lane[i]

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from sumo_net.batch import longer
 from sumo_net.influence import Influence
 from sumo_net.randomness import stream_key, uniform, uniforms
 from sumo_net.settings import settings
@@ -106,10 +107,7 @@ class IncidentMaker:
             yield int(rows[k]), _Draws(*draws)
 
     def _keys_of(self, handles: Array, kind: str) -> Array:
-        known = self._keys[kind]
-        if handles.max() >= len(known):
-            known = np.concatenate([known, np.zeros(handles.max() + 1 - len(known), np.uint64)])
-            self._keys[kind] = known
+        known = self._keys[kind] = longer(self._keys[kind], int(handles.max()) + 1)
         for handle in handles[known[handles] == 0].tolist():
             known[handle] = stream_key(self._seed, self._traffic.vehicle_id(handle), kind)
         return known[handles]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sumo_net.batch import longer
 from sumo_net.lane_graph import LaneGraph
 from sumo_net.snapshot import Snapshot
 from sumo_net.step import STEP_S
@@ -33,7 +34,9 @@ class LaneChanges:
         handle, lane = snapshot.handle, snapshot.lane
         if not len(handle):
             return snapshot
-        self._grow(int(handle.max()) + 1)
+        known = int(handle.max()) + 1
+        self._lane, self._left = longer(self._lane, known, -1), longer(self._left, known)
+        self._from_m = longer(self._from_m, known)
         before = self._lane[handle]
         self._lane[handle] = lane
         for i in np.flatnonzero((before != lane) & (before >= 0) & (lane >= 0) & ~equipped).tolist():
@@ -74,9 +77,3 @@ class LaneChanges:
         """Edge, index on it and width of a lane by its number."""
         known = self._graph.lanes.get(self._lane_ids[lane])
         return ("", 0, 0.0) if known is None else (known.edge, known.index, known.width_m)
-
-    def _grow(self, count: int) -> None:
-        while len(self._lane) < count:
-            self._lane = np.concatenate([self._lane, np.full_like(self._lane, -1)])
-            self._left = np.concatenate([self._left, np.zeros_like(self._left)])
-            self._from_m = np.concatenate([self._from_m, np.zeros_like(self._from_m)])

@@ -22,6 +22,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
 from scipy.ndimage import maximum_filter1d
 
+from sumo_net.polyline import stations
 from sumo_net.road_table import Array
 
 SCALE_M = 12.0  # ℓ at first
@@ -98,7 +99,7 @@ def cut(shape: Array, begin: float, end: float) -> Array:
     """The part of a polyline (points, 2) between two fractions of its length; at least two points."""
     if begin <= 0.0 and end >= 1.0:
         return shape
-    at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape, axis=0).T))])
+    at = stations(shape)
     at = at / max(float(at[-1]), 1e-9)
     inside = at[(at > begin) & (at < end)]
     wanted = np.concatenate([[begin], inside, [end]])

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sumo_net.lane_graph import Connection, Edge, Lane, LaneGraph
+from sumo_net.polyline import stations
 from sumo_net.road_table import DASHED, MAX_BORDERS, NO_MARKING, OWN_RIGHT, SOLID, Array
 
 _JUNCTION_M = 6.0  # asphalt to either side of a path through a junction, at least
@@ -228,7 +229,7 @@ def _straight(graph: LaneGraph, lane: str) -> list[Connection]:
 def _along_reference(lane: Lane, reference: Lane) -> tuple[Array, Array]:
     # Stations on the edge's rightmost lane abreast of points about every 20 m of a lane: in a curve the
     # lanes differ in length, but the dashes between them are the same.
-    at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(lane.shape, axis=0).T))])
+    at = stations(lane.shape)
     fraction = np.linspace(0.0, 1.0, max(int(at[-1] / _KNOT_M), 1) + 1)
     points = np.column_stack([np.interp(fraction * at[-1], at, lane.shape[:, k]) for k in (0, 1)])
     a, d = reference.shape[:-1], np.diff(reference.shape, axis=0)

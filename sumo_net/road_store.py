@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from sumo_net.batch import longer
 from sumo_net.lane_chain import Piece
 from sumo_net.road_fit import SmoothPath
 from sumo_net.road_marking import Section
@@ -106,11 +107,7 @@ class RoadStore:
     def _grow(self, kind: str, names: tuple[str, ...], more: int) -> None:
         needed = self._used[kind] + more
         for name in names:
-            array = self._arrays[name]
-            if needed > len(array):
-                larger = np.zeros((max(needed, 2 * len(array)), *array.shape[1:]), array.dtype)
-                larger[: len(array)] = array
-                self._arrays[name] = larger
+            self._arrays[name] = longer(self._arrays[name], needed)
 
 
 def _knots(piece: Piece, section: Section) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial import cKDTree
 
+from sumo_net import polyline
 from sumo_net.lane_graph import Lane, LaneGraph
 from sumo_net.randomness import generator
 from sumo_net.settings import settings
@@ -118,7 +119,7 @@ def _stations(length: float, spacing: float) -> Array:
 def _row(lane: Lane, stations: Array, offset: float, size: tuple[float, float, float]) -> Array:
     """(k, 6) x, y, heading, length, width, height at stations (k,), `offset` left of the lane's centre."""
     steps = np.diff(lane.shape, axis=0)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+    along = polyline.stations(lane.shape)
     piece = np.clip(np.searchsorted(along, stations, side="right") - 1, 0, len(steps) - 1)
     heading = np.arctan2(steps[piece, 1], steps[piece, 0])
     part = stations - along[piece]

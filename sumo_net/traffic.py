@@ -17,6 +17,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from sumo_net import columns
+from sumo_net.batch import longer
 from sumo_net.frames import heading_from_sumo_angle
 from sumo_net.snapshot import Array, Snapshot
 from sumo_net.start_up import cause, is_left_hand, one_line, set_sumo_home, standard_error
@@ -334,8 +335,7 @@ class Traffic:
     def _register(self, name: str) -> None:
         handle = self._next_handle
         self._next_handle += 1
-        if handle == len(self._bodies):
-            self._bodies = np.concatenate([self._bodies, np.zeros_like(self._bodies)])
+        self._bodies = longer(self._bodies, handle + 1)
         vehicle = self._sumo.vehicle
         self._bodies[handle] = vehicle.getLength(name), vehicle.getWidth(name), vehicle.getHeight(name)
         self._kinds[handle] = _Kind(vehicle.getVehicleClass(name), vehicle.getTypeID(name))

@@ -1,0 +1,12 @@
+"""Polylines: points (P, 2) of x and y."""
+
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray[Any, Any]
+
+
+def stations(points: Array) -> Array:
+    """The way (P,) along the line from its first point to each."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
