@@ -35,3 +35,10 @@ class LaneEstimate(NamedTuple):
     left_unseen_m: Array  # driven since paint of that border was seen nearby; also while not locked
     right_unseen_m: Array
     lane_shift: Array  # int8: +1 the estimate moved to the lane on the left since the last step, -1 right
+
+
+def blank(n: int) -> LaneEstimate:
+    """A LaneEstimate of n vehicles to be filled."""
+    kinds = dict.fromkeys(("locked", "left_border_seen", "right_border_seen"), np.bool_)
+    parts = {name: np.empty(n, kinds.get(name, np.float64)) for name in LaneEstimate._fields}
+    return LaneEstimate(**parts | {"lane_shift": np.empty(n, np.int8)})

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from camera_synth.camera import WIDTH_PX, Camera, projection
-from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.estimate import Borders, LaneEstimate, blank
 from plugin.lane.geometry_kernels import lane_estimate_kernel
 from sumo_net.settings import kernel_view, settings
 
@@ -74,21 +74,8 @@ def lane_estimate_from_borders(
     heading and curvature are plausible; otherwise its values are NaN.
     """
     n = len(borders.score)
-    out = LaneEstimate(
-        locked=np.empty(n, np.bool_),
-        score=np.empty(n),
-        lateral_offset_m=np.empty(n),
-        heading_error_rad=np.empty(n),
-        curvature_1pm=np.empty(n),
-        curvature_rate_1pm2=np.empty(n),
-        lane_width_m=np.empty(n),
-        preview_offset_m=np.empty(n),
-        preview_heading_rad=np.empty(n),
-        left_border_seen=np.empty(n, np.bool_),
-        right_border_seen=np.empty(n, np.bool_),
-        left_unseen_m=np.zeros(n),
-        right_unseen_m=np.zeros(n),
-        lane_shift=np.array(shifted, np.int8),
+    out = blank(n)._replace(
+        left_unseen_m=np.zeros(n), right_unseen_m=np.zeros(n), lane_shift=np.array(shifted, np.int8)
     )
     lane_estimate_kernel(
         np.ascontiguousarray(borders.left, np.float64),

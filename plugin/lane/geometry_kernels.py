@@ -6,6 +6,7 @@ import numpy as np
 
 from camera_synth.camera import vehicle_from_image
 from plugin.lane.cholesky import cholesky, solve
+from plugin.lane.estimate import ROW_STEP, ROWS
 from sumo_net.compile import kernel
 
 _SINGULAR = 1e-12  # points at one distance determine no curvature
@@ -26,8 +27,8 @@ def road_of_borders(left, right, camera, farthest, columns, spacing, A, road):  
     for side in range(2):
         border = left if side == 0 else right
         seen = 0
-        for i in range(50):
-            y = 1.0 + 3.0 * i
+        for i in range(ROWS):
+            y = 1.0 + ROW_STEP * i
             x = (border[0] * y + border[1]) * y + border[2]
             if not 0.0 <= x <= columns - 1.0:
                 continue

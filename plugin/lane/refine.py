@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from camera_synth.camera import WIDTH_PX, Projection, preview_distance
 from plugin.lane.acquire import WIDEST_M
-from plugin.lane.estimate import Borders, LaneEstimate
+from plugin.lane.estimate import Borders, LaneEstimate, blank
 from plugin.lane.follow import LOCKED, SEARCHING
 from plugin.lane.hidden import nothing_hidden
 from plugin.lane.lane_start import room_for
@@ -257,7 +257,7 @@ def step(
         left, right = np.ascontiguousarray(borders.left), np.ascontiguousarray(borders.right)
         there = np.ones(n, np.bool_) if given is None else np.ascontiguousarray(given, np.bool_)
     new = LaneState(*(np.empty_like(part) for part in state))
-    out, rows = _empty_estimate(n), _rows(projection)
+    out, rows = blank(n), _rows(projection)
     step_kernel(
         np.ascontiguousarray(frames),
         left,
@@ -275,16 +275,6 @@ def step(
         out,
     )
     return new, out
-
-
-def _empty_estimate(n: int) -> LaneEstimate:
-    kinds = {
-        "locked": np.bool_,
-        "left_border_seen": np.bool_,
-        "right_border_seen": np.bool_,
-        "lane_shift": np.int8,
-    }
-    return LaneEstimate(*(np.empty(n, kinds.get(name, np.float64)) for name in LaneEstimate._fields))
 
 
 def border_columns(state: LaneState, rows: Array, projection: Projection, furthest_m: float = 150.0) -> Array:
