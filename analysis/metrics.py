@@ -141,9 +141,14 @@ def tlc_errors(steps: pd.DataFrame) -> dict[str, float]:
     return result
 
 
+def unsignalled(departures: pd.DataFrame) -> pd.DataFrame:
+    """The departures without a turn signal, of which drivers are to be warned."""
+    return departures[departures["cause"] != SIGNALLED]
+
+
 def warning_counts(warnings: pd.DataFrame, departures: pd.DataFrame, km: float) -> dict[str, float]:
     """Departures warned and missed, warnings by outcome, per 100 km with exact Poisson limits."""
-    meant = departures[departures["cause"] != SIGNALLED]
+    meant = unsignalled(departures)
     due = meant[meant["warned"].notna()]
     warned = due["warned"].astype(bool)
     outcome = warnings.loc[warnings["kind"] == "ldw", "outcome"]

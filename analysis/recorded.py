@@ -17,7 +17,7 @@ import pandas as pd
 
 from analysis.ahead import Ahead, Driven
 from analysis.film import Film
-from analysis.footage import IMAGE_STEP_S, Footage, FootageError, Recorded, frames, open_footage
+from analysis.footage import IMAGE_STEP_S, Footage, Recorded, frames, open_footage
 from analysis.overlay import draw
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera, projection
 from plugin.configuration import read_camera
@@ -267,6 +267,3 @@ def _drawn(recorded: Recorded, found: Found, ahead: Ahead) -> Array:
     if ahead.state.startswith("warning"):
         text += f"  {ahead.state.upper()}"
     return draw(recorded.picture, found.rows, found.columns, ahead.path, text)
-
-
-__all__ = ["LANE_COLUMNS", "POINT_COLUMNS", "FootageError", "detect"]

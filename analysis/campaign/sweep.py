@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.campaign.store import Store
-from analysis.metrics import distance_km
+from analysis.metrics import SIGNALLED, distance_km
 from analysis.rear_end import VISIBLE_S
 from analysis.statistics import per_100_km
 from plugin.conflicts import ConflictSettings
@@ -102,7 +102,7 @@ def _judge_lane(
     window = round(_LDW_EVENTS.drift_window_s / STEP_S)
     drift = steps["speed_mps"] * np.sin(steps["true_heading_error_rad"])
     drift += steps["true_lateral_speed_mps"] * np.cos(steps["true_heading_error_rad"])
-    usable = (steps["speed_mps"] >= _LDW.least_speed_mps) & (steps["true_cause"] != "lane_change_signalled")
+    usable = (steps["speed_mps"] >= _LDW.least_speed_mps) & (steps["true_cause"] != SIGNALLED)
     for vehicle, rows in steps.assign(drift=drift, usable=usable).groupby("vehicle_id", observed=True):
         handle = handles.setdefault(str(vehicle), next(number))
         for name, side in _SIDES.items():

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.plots.run import PREDICTORS, add_errors, finish_errors, words
-from analysis.plots.style import BLUE, GREY, SERIES, VERMILLION, nothing, sheet, styled
+from analysis.plots.style import BLUE, GREY, SERIES, VERMILLION, blank_sheet, nothing, sheet, styled
 
 Array = np.ndarray[Any, Any]
 
@@ -61,9 +61,7 @@ def _vary(values: "pd.Series[Any]") -> bool:
 def rates(table: pd.DataFrame) -> Figure:
     """Events per 100 km by cell with exact Poisson intervals, from rates.csv."""
     if table.empty or "figure" not in table.columns:
-        figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "no run has finished")
-        return figure
+        return blank_sheet("no run has finished")
     return _intervals(
         table.assign(
             value=table["per_100km"], low=table["per_100km_poisson_low"], high=table["per_100km_poisson_high"]
@@ -77,9 +75,7 @@ def rates(table: pd.DataFrame) -> Figure:
 def shares(table: pd.DataFrame) -> Figure:
     """Departures and conflicts warned, lanes recognised, by cell with Wilson's intervals, from shares.csv."""
     if table.empty or "share" not in table.columns:
-        figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "nothing was counted that has a share")
-        return figure
+        return blank_sheet("nothing was counted that has a share")
     scaled = table.assign(value=100 * table["share"], low=100 * table["low"], high=100 * table["high"])
     return _intervals(scaled, SHARES, "%")
 
@@ -89,9 +85,7 @@ def _intervals(table: pd.DataFrame, figures: dict[str, str], unit: str) -> Figur
     shown = [name for name in figures if table.loc[table["figure"] == name, "value"].notna().any()]
     names = list(dict.fromkeys(table["name"]))[:GREATEST_CELLS]
     if not shown:
-        figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "no events")
-        return figure
+        return blank_sheet("no events")
     rows = (len(shown) + 1) // 2
     height = rows * (0.95 + 0.22 * len(names))
     figure, grid = sheet(rows, 2, max(height, 2.2), width_in=9.0, sharey=True, squeeze=False)
@@ -214,9 +208,7 @@ def _name_thresholds(axes: Axes, x: Array, y: Array, table: pd.DataFrame) -> Non
 def benefit(table: pd.DataFrame) -> Figure:
     """Events per run that reacting drivers avoid, with bootstrap intervals, from benefit.csv."""
     if table.empty or "avoided_per_run" not in table.columns:
-        figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "no pair of cells with reaction.on false and true")
-        return figure
+        return blank_sheet("no pair of cells with reaction.on false and true")
     labels = []
     several = [c for c in table.columns[: list(table.columns).index("figure")] if _vary(table[c])]
     for row in table.to_dict("records"):

@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from analysis.metrics import unsignalled
 from analysis.plots.style import BLACK, BLUE, GREY, ORANGE, PURPLE, SKY, VERMILLION, nothing, sheet, styled
 
 STEP_GAP_S = 0.15  # rows further apart are not consecutive
@@ -66,7 +67,7 @@ def road_map(
     for _, rows in known.groupby(["run_id", "vehicle_id"], observed=True):
         path = with_gaps(rows, ["true_x_m", "true_y_m"])
         axes.plot(path["true_x_m"], path["true_y_m"], color=SKY, linewidth=0.9, alpha=0.8)
-    meant = departures[departures["cause"] != "lane_change_signalled"]
+    meant = unsignalled(departures)
     ldw, fcw = (warnings[warnings["kind"] == kind] for kind in ("ldw", "fcw"))
     for events, when, colour, marker, label in (
         (fcw, "start_s", ORANGE, "^", "rear-end warning"),
@@ -137,7 +138,7 @@ def busiest(steps: pd.DataFrame, departures: pd.DataFrame, warnings: pd.DataFram
     """The vehicle with most departures and warnings, among equals the longest drive; '' for none."""
     if steps.empty:
         return ""
-    meant = departures.loc[departures["cause"] != "lane_change_signalled", "vehicle_id"]
+    meant = unsignalled(departures)["vehicle_id"]
     lane = warnings.loc[warnings["kind"] == "ldw", "vehicle_id"]
     table = pd.DataFrame({"rows": steps["vehicle_id"].value_counts()}).assign(events=0.0)
     for ids, weight in ((meant, 3.0), (lane, 2.0), (warnings["vehicle_id"], 1.0)):
@@ -195,6 +196,3 @@ def _times(axes: Axes, rows: pd.DataFrame, truth: str, estimate: str, label: str
     axes.set(ylabel=label, ylim=(0.0, top_s))
     if rows[truth].isna().all() and rows[estimate].isna().all():
         axes.text(0.5, 0.5, "none", color=GREY, ha="center", transform=axes.transAxes)
-
-
-__all__ = ["EPISODES", "at_event", "busiest", "episodes", "road_map", "timeline", "with_gaps"]

@@ -4,7 +4,19 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from analysis.plots.run import words
-from analysis.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, nothing, sheet, styled
+from analysis.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    blank_sheet,
+    nothing,
+    sheet,
+    styled,
+)
 
 CLASSES = {
     "unclassified": (GREY, "."),
@@ -21,9 +33,7 @@ MOST_POINTS = 6000
 def lanes(table: pd.DataFrame) -> Figure:
     """Offset, heading, curvature, width and score of the lane detected in footage, over time."""
     if table.empty or "lane_locked" not in table.columns:
-        figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "no frame was processed")
-        return figure
+        return blank_sheet("no frame was processed")
     figure, all_axes = sheet(5, 1, 7.0, width_in=7.0, sharex=True)
     shown = (
         ("lateral_offset_m", "left of lane\ncentre in m", BLUE),
@@ -53,9 +63,7 @@ def tracks(table: pd.DataFrame) -> Figure:
     """Range, range rate and azimuth of radar tracks over time, by motion class; tracks in path are ringed."""
     needed = {"time_s", "track_id", "range_m", "range_rate_mps", "azimuth_rad", "motion_state"}
     if table.empty or not needed <= set(table.columns):
-        figure, axes = sheet(1, 1, 2.0)
-        nothing(axes, "no tracks, or a table of another version")
-        return figure
+        return blank_sheet("no tracks, or a table of another version")
     figure, all_axes = sheet(3, 1, 7.0, width_in=7.0, sharex=True)
     step = max(len(table) // MOST_POINTS, 1)
     some = table.iloc[::step]

@@ -279,14 +279,3 @@ def _percent(share: float) -> str:
 
 def _broken(name: str) -> str:
     return words(name).replace("stopped was ", "stopped,\nwas ").replace("same direction", "same\ndirection")
-
-
-__all__ = [
-    "motion_classes",
-    "prediction_by_category",
-    "prediction_error",
-    "recognition",
-    "tlc_error",
-    "ttc_error",
-    "warning_outcomes",
-]

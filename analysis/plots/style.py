@@ -80,6 +80,13 @@ def nothing(axes: Axes, why: str) -> None:
     axes.text(0.5, 0.5, why, ha="center", va="center", color=GREY, wrap=True, transform=axes.transAxes)
 
 
+def blank_sheet(why: str) -> Figure:
+    """A low figure that says why there is nothing to draw."""
+    figure, axes = sheet(1, 1, 2.0)
+    nothing(axes, why)
+    return figure
+
+
 def below(axes: Axes, columns: int = 2, lift: float = -0.2) -> None:
     """Put the legend below the axes."""
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, lift), ncols=columns, handlelength=2.6)

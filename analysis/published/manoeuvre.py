@@ -130,20 +130,6 @@ def looks(
     return out
 
 
-def lane_change_steer(
-    vehicle: Vehicle, speed_mps: float, width_m: float = 3.75, start_s: float = 2.0, over_s: float = 5.0
-) -> Steer:
-    """Open-loop steer angle of a sinusoidal lateral acceleration that moves the car one lane to the left."""
-    peak = 2 * np.pi * width_m / over_s**2
-    per_g = (vehicle.wheelbase_m + vehicle.understeer * speed_mps**2) / speed_mps**2
-
-    def steer(t: float, x: Array, v: float) -> float:
-        inside = start_s <= t <= start_s + over_s
-        return float(per_g * peak * np.sin(2 * np.pi * (t - start_s) / over_s)) if inside else 0.0
-
-    return steer
-
-
 def world_path(fine: Drive) -> tuple[Array, Array, Array]:
     """(x, y, heading) of the centre of gravity in the world, starting at the origin along x, for each row.
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from scipy.stats import binomtest
 
 from analysis import metrics
 from analysis.drive import DriveError, load_drive, most_interesting, vehicles_with_frames
@@ -17,7 +16,7 @@ from analysis.report.outline import outline
 from analysis.report.reading import RunTables, read_run
 from analysis.report.scene import scene
 from analysis.report.viewer import DRIVES_BYTES, viewer_data
-from analysis.statistics import clustered_share, per_100_km, poisson_interval
+from analysis.statistics import clustered_share, per_100_km, poisson_interval, wilson_interval
 from plugin.truth import HORIZONS_S
 from sumo_net.settings import SettingsError
 from sumo_net.step import STEP_S
@@ -223,7 +222,7 @@ def _events(run: RunTables) -> list[Grid]:
     departures = run["departures"].sort_values("crossing_s", kind="stable")
     warnings = run["warnings"].sort_values("start_s", kind="stable")
     conflicts = run["conflicts"].sort_values("start_s", kind="stable")
-    meant = departures[departures["cause"] != metrics.SIGNALLED]
+    meant = metrics.unsignalled(departures)
     return [
         grid_of(
             meant,
@@ -276,8 +275,8 @@ def _rate(count: float, km: float) -> tuple[str, str]:
 def _share(count: float, of: float) -> tuple[str, str]:
     if not of:
         return "none due", ""
-    interval = binomtest(int(count), int(of)).proportion_ci(0.95, "wilson")
-    return f"{count:.0f} of {of:.0f}", f"{100 * interval.low:.1f} to {100 * interval.high:.1f} %"
+    low, high = wilson_interval(int(count), int(of))
+    return f"{count:.0f} of {of:.0f}", f"{100 * low:.1f} to {100 * high:.1f} %"
 
 
 def _clustered(rows: pd.DataFrame, column: str) -> tuple[str, str]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.metrics import unsignalled
 from analysis.plots.drive import JUMP_M, STEP_GAP_S, at_event, episodes
 from analysis.report.reading import RunTables, json_ready
 
@@ -60,7 +61,7 @@ def scene(run: RunTables, lines: Sequence[Array]) -> dict[str, Any] | None:
 def _by_events(run: RunTables) -> list[str]:
     """Vehicle ids by number of departures and warnings, descending."""
     steps, departures, warnings = run["steps"], run["departures"], run["warnings"]
-    meant = departures[departures["cause"] != "lane_change_signalled"]
+    meant = unsignalled(departures)
     count = steps["vehicle_id"].value_counts().sort_index() * 1e-6
     for events, weight in ((meant, 3), (warnings[warnings["kind"] == "ldw"], 2), (warnings, 1)):
         count = count.add(weight * events["vehicle_id"].value_counts(), fill_value=0.0)
@@ -114,7 +115,7 @@ def _paths(steps: pd.DataFrame) -> list[dict[str, Any]]:
 def _events(run: RunTables) -> list[dict[str, Any]]:
     """Departures and warnings with their positions."""
     departures, warnings = run["departures"], run["warnings"]
-    meant = departures[departures["cause"] != "lane_change_signalled"]
+    meant = unsignalled(departures)
     found = []
     for kind, table, when, about in (
         ("fcw", warnings[warnings["kind"] == "fcw"], "start_s", ("level", "outcome")),

@@ -9,6 +9,7 @@ import numpy as np
 
 from analysis.camera_view import path_in_image
 from analysis.drive import Drive
+from analysis.metrics import unsignalled
 from analysis.report.reading import json_ready
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, projection
 from plugin.tracking.classification import NAMES
@@ -41,7 +42,7 @@ def viewer_data(drive: Drive, most_bytes: int = DRIVES_BYTES) -> dict[str, Any]:
 
 def _start(drive: Drive) -> float:
     """Time at which the viewer starts: shortly before the first departure or warning."""
-    meant = drive.departures[drive.departures["cause"] != "lane_change_signalled"]
+    meant = unsignalled(drive.departures)
     lane = drive.warnings[drive.warnings["kind"] == "ldw"]
     for moments in (meant["crossing_s"], lane["start_s"], drive.warnings["start_s"]):
         if len(moments):

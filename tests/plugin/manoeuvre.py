@@ -2,13 +2,28 @@
 
 import numpy as np
 
-from analysis.published.manoeuvre import PREVIEW_M, Drive, drive, lane_change_steer, looks
+from analysis.published.manoeuvre import PREVIEW_M, Drive, Steer, drive, looks
 from plugin.lane.estimate import LaneEstimate
 from plugin.motion import observer
 from plugin.motion.estimate import MotionEstimate, OwnReadings
 from plugin.motion.observer import Schedule, State
+from sumo_net.vehicle import Vehicle
 
 __all__ = ["PREVIEW_M", "Drive", "column", "drive", "lane_change_steer", "looks", "observed", "unseen"]
+
+
+def lane_change_steer(
+    vehicle: Vehicle, speed_mps: float, width_m: float = 3.75, start_s: float = 2.0, over_s: float = 5.0
+) -> Steer:
+    """Open-loop steer angle of a sinusoidal lateral acceleration that moves the car one lane to the left."""
+    peak = 2 * np.pi * width_m / over_s**2
+    per_g = (vehicle.wheelbase_m + vehicle.understeer * speed_mps**2) / speed_mps**2
+
+    def steer(t: float, x: np.ndarray, v: float) -> float:
+        inside = start_s <= t <= start_s + over_s
+        return float(per_g * peak * np.sin(2 * np.pi * (t - start_s) / over_s)) if inside else 0.0
+
+    return steer
 
 
 def observed(
