@@ -21,7 +21,7 @@ from plugin.capture import FRAMES, folder_name
 from plugin.configuration import load_configuration
 from plugin.record import read_table
 from sumo_net.settings import SettingsError
-from tests.plugin.test_assistance import in_process
+from tests.processes import in_process
 
 SECONDS = 5.0
 

@@ -13,7 +13,7 @@ import pytest
 
 from plugin.record import read_table
 from plugin.schema import TABLES
-from tests.plugin.test_assistance import in_process
+from tests.processes import in_process
 
 SHORT = {
     "duration_s": 3.0,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.soak import grew, judge, sizes, slope
-from tests.plugin.test_assistance import in_process
+from tests.processes import in_process
 
 BYTES_A_VEHICLE = ("_equipped", "_bodies", "_lane", "_left", "_from_m", "_row", "_keys")  # arrays by handle
 

@@ -15,7 +15,7 @@ import pytest
 from analysis.window import DANGER, INACTIVE, LANE_LEFT, NOT_SEEN, PAGE, PICTURE, STATES, states
 from plugin.record import read_table
 from plugin.warning import collision, departure
-from tests.plugin.test_assistance import in_process
+from tests.processes import in_process
 
 OPTIONS: dict[str, Any] = {
     "duration_s": 2.0,

@@ -1,6 +1,5 @@
 """The whole chain in real SUMO runs, each in its own process, which can hold only one simulation."""
 
-import atexit
 from pathlib import Path
 from typing import Any
 
@@ -8,17 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.fork_server import ForkServer
 from plugin.fleet import LEAST_PART
 from plugin.record import read_table
 from plugin.schema import TABLES
-
-_processes = ForkServer()
-atexit.register(_processes.close)
-
-
-def in_process(function: Any, *arguments: Any) -> Any:
-    return _processes.result(function, *arguments)
+from tests.processes import in_process
 
 
 def run(out: Path, options: dict[str, Any]) -> None:

@@ -1,9 +1,7 @@
 """True conflicts against SUMO's own SSM device in a real run, and their matching with warnings by hand."""
 
-import multiprocessing
 import subprocess
 import xml.etree.ElementTree as ET
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +13,7 @@ from plugin.events import event_columns
 from plugin.leaders import LaneOrder, Leaders, in_view, nobody, overlapped, path_leaders, warned_of
 from plugin.record import Recorder
 from plugin.schema import TABLES
+from tests.processes import in_process
 from tests.roads import objects_at
 
 BIN = Path(sumo.SUMO_HOME) / "bin"
@@ -76,8 +75,7 @@ def test_time_to_collision_is_that_of_sumos_own_device(tmp_path: Path) -> None:
     (tmp_path / "n.rou.xml").write_text(ROUTES.format(end=seconds))
     command = [str(BIN / "netconvert"), "-n", "n.nod.xml", "-e", "n.edg.xml", "-o", "n.net.xml"]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        ours = pool.submit(run_beside_ssm, tmp_path, seconds).result(timeout=200)
+    ours = in_process(run_beside_ssm, tmp_path, seconds)
     theirs = ssm_ttc(tmp_path / "ssm.xml")
     cars = {(t, ego, foe): ttc for t, ego, foe, _, ttc in ours if ego.startswith("car")}
     common = [key for key in cars if key in theirs]

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.plugin.test_assistance import in_process
 from tests.plugin.test_truth import columns, score
+from tests.processes import in_process
 
 LANE = ["lateral_offset_m", "heading_error_rad", "curvature_1pm", "lane_width_m"]
 MOTION = ["lateral_speed_mps", "yaw_rate_rps", "steer_rad"]

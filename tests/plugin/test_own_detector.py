@@ -1,19 +1,15 @@
 """A lane detector of the user's own in place of the default one."""
 
-import atexit
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from analysis.fork_server import ForkServer
 from camera_synth.camera import Camera, image_from_vehicle, projection
 from plugin.lane.detector import Found, Glance, LaneTracker, PublishedSearch, TrackedLane, found_lane
 from plugin.lane.estimate import BORDER_Y
-
-_processes = ForkServer()
-atexit.register(_processes.close)
+from tests.processes import in_process
 
 
 class Counted(NamedTuple):
@@ -73,13 +69,13 @@ def run(detector: str, threads: int, out: Path | None = None) -> Any:
 
 
 def test_the_default_tracker_given_as_an_own_detector_changes_nothing() -> None:
-    ordinary, wrapped = _processes.result(run, "default", 1), _processes.result(run, "wrapped", 2)
+    ordinary, wrapped = in_process(run, "default", 1), in_process(run, "wrapped", 2)
     assert len(ordinary) > 500
     assert ordinary.equals(wrapped)
 
 
 def test_what_an_own_detector_finds_is_in_the_table(tmp_path: Path) -> None:
-    steps = _processes.result(run, "believer", 2, tmp_path)
+    steps = in_process(run, "believer", 2, tmp_path)
     first = ~steps.duplicated("vehicle_id")
     assert first.sum() > 10
     assert not steps.loc[first, "lane_locked"].any()

@@ -1,6 +1,5 @@
 """Use in a loop of the user's own: unusual arguments and names, a clock that jumps."""
 
-import atexit
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -8,18 +7,11 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from analysis.fork_server import ForkServer
 from plugin.record import Recorder, read_table
 from plugin.schema import TABLES
-
-_processes = ForkServer()
-atexit.register(_processes.close)
+from tests.processes import in_process
 
 STRANGE_IDS = ("NaN", "null", "007", "1e5", "a/b/../c", "überStraße#1", "車")
-
-
-def in_process(function: Any, *arguments: Any) -> Any:
-    return _processes.result(function, *arguments)
 
 
 @pytest.fixture(scope="module")

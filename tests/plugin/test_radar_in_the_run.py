@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from plugin.record import read_table
-from tests.plugin.test_assistance import in_process, run
+from tests.plugin.test_assistance import run
+from tests.processes import in_process
 
 
 @pytest.fixture(scope="module")

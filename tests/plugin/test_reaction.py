@@ -6,7 +6,8 @@ import numpy as np
 
 from plugin.reaction import Listeners, Reaction
 from plugin.record import read_table
-from tests.plugin.test_assistance import in_process, run
+from tests.plugin.test_assistance import run
+from tests.processes import in_process
 
 
 def test_who_listens_is_fixed_by_seed_and_vehicle() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.plugin.test_assistance import in_process
+from tests.processes import in_process
 
 Array = np.ndarray
 

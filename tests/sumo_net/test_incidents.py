@@ -1,7 +1,5 @@
 """Hard brakings, drivers who look away, cut-ins: in real SUMO runs, each in a process of its own."""
 
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from sumo_net.incidents import IncidentMaker, Incidents
+from tests.processes import in_process
 
 
 def traffic_run(out: Path, incidents: dict[str, float] | None, seed: int) -> dict[str, Any]:
@@ -39,21 +38,16 @@ def traffic_run(out: Path, incidents: dict[str, float] | None, seed: int) -> dic
     return {"brakes": braking, "changes": lanes, "trace": trace}
 
 
-def run(out: Path, incidents: dict[str, float] | None, seed: int = 1) -> dict[str, Any]:
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(traffic_run, out, incidents, seed).result(timeout=120)
-
-
 def test_incidents_happen_at_will_and_by_the_seed_alone(tmp_path: Path) -> None:
-    none = run(tmp_path / "a", None)
-    never = run(tmp_path / "b", {})
+    none = in_process(traffic_run, tmp_path / "a", None, 1)
+    never = in_process(traffic_run, tmp_path / "b", {}, 1)
     assert never["trace"] == none["trace"]
     often = {"brakings_per_h": 60.0, "follower_away": 0.5, "cut_ins_per_h": 600.0}
-    many = run(tmp_path / "c", often)
+    many = in_process(traffic_run, tmp_path / "c", often, 1)
     assert many["brakes"] > none["brakes"] + 50
     assert many["changes"] > none["changes"]
-    assert run(tmp_path / "d", often)["trace"] == many["trace"]
-    assert run(tmp_path / "e", often, seed=2)["trace"] != many["trace"]
+    assert in_process(traffic_run, tmp_path / "d", often, 1)["trace"] == many["trace"]
+    assert in_process(traffic_run, tmp_path / "e", often, 2)["trace"] != many["trace"]
 
 
 def test_settings_are_checked() -> None:

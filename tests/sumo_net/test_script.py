@@ -1,7 +1,6 @@
 """Scripted traffic: refused settings, the path of a drift, real runs that follow their script."""
 
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
+import functools
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +15,7 @@ from sumo_net.scenario import Scenario
 from sumo_net.script import Actor, Manoeuvre
 from sumo_net.script_player import ScriptError, ScriptPlayer
 from sumo_net.settings import SettingsError, read
+from tests.processes import in_process
 from tests.sumo_net.bench_road import STILL, Bench, circle, straight
 
 
@@ -140,13 +140,10 @@ def scripted_run(out: Path, script: list[dict[str, Any]], seconds: float) -> dic
     return {"rows": rows}
 
 
-@pytest.fixture(scope="module")
-def run() -> Any:
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        yield lambda *given: pool.submit(scripted_run, *given).result(timeout=120)
+run = functools.partial(in_process, scripted_run)
 
 
-def test_sumo_does_what_it_is_told(run: Any, tmp_path: Path) -> None:
+def test_sumo_does_what_it_is_told(tmp_path: Path) -> None:
     script = [
         {"who": "leader", "at_s": 2.0, "do": "speed", "speed_mps": 5.0, "rate_mps2": 4.0},
         {"who": "ego", "at_s": 3.0, "do": "change_lane", "side": "right", "signal": False, "over_s": 3.0},
@@ -168,7 +165,7 @@ def test_sumo_does_what_it_is_told(run: Any, tmp_path: Path) -> None:
     assert rows[-1]["truth"][0] == pytest.approx(0.2, abs=0.1)
 
 
-def test_what_cannot_be_done_is_an_error(run: Any, tmp_path: Path) -> None:
+def test_what_cannot_be_done_is_an_error(tmp_path: Path) -> None:
     script = [{"who": "late", "at_s": 2.0, "do": "change_lane", "side": "left"}]
     assert "'late' has not changed lanes by 2." in run(tmp_path / "a", script, 4.0)["error"]
 
