@@ -1,6 +1,6 @@
 """Path, time to lane crossing and warning from a recorded lane and a speed, by the filters of a run."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,9 +13,8 @@ from plugin.motion.prediction import PredictionSettings, predict, predictor
 from plugin.warning import departure
 from plugin.warning.departure import DepartureSettings
 from plugin.warning.tlc import time_to_lane_crossing
+from sumo_net.arrays import Array
 from sumo_net.vehicle import Vehicle
-
-Array = np.ndarray[Any, Any]
 
 
 class Ahead(NamedTuple):

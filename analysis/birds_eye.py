@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from analysis import canvas
-from analysis.canvas import Array
 from analysis.drive import Drive
 from camera_synth.camera import Camera, projection, vehicle_from_image
+from sumo_net.arrays import Array
 from sumo_net.polyline import stations
 from sumo_net.road_table import DASHED, NO_MARKING
 

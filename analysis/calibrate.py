@@ -11,7 +11,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,7 @@ from analysis.footage import FootageError, frames, open_footage
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera
 from plugin.lane.refine import Refine, tuning
 from plugin.lane.ridge import BUFFER_PX, candidates
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 HORIZONS_PX = np.arange(80.0, 200.0, 2.0)  # candidates for the vanishing point's y
 COLUMNS_PX = np.arange(80.0, 242.0, 3.0)

@@ -1,14 +1,11 @@
 """The camera image with detected borders, predicted path and the warning's target."""
 
-from typing import Any
-
 import cv2
 import numpy as np
 
 from analysis import canvas
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Projection, image_from_vehicle
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 
 def enlarged(frame: Array, width: int, height: int) -> Array:

@@ -2,14 +2,15 @@
 
 import functools
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import matplotlib as mpl
 import numpy as np
 from PIL import ImageFont
 
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
+
 Colour = tuple[int, int, int]  # BGR
 
 # the palette of Okabe and Ito

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import canvas
-from analysis.canvas import Array
+from sumo_net.arrays import Array
 
 TLC_SPAN_S = 3.0
 _OFF = (84, 80, 76)

@@ -15,9 +15,8 @@ import pandas as pd
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera
 from plugin.capture import FRAMES, OWNER, folder_name
 from plugin.record import read_table
+from sumo_net.arrays import Array
 from sumo_net.settings import SettingsError, read
-
-Array = np.ndarray[Any, Any]
 
 
 class DriveError(ValueError):

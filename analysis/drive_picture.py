@@ -18,8 +18,7 @@ from analysis.camera_view import (
 from analysis.dashboard import draw_dashboard
 from analysis.drive import Drive
 from camera_synth.camera import projection
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 WIDTH_PX, HEIGHT_PX = 1280, 720
 _CAMERA = 832, 624

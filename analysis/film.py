@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 
 from analysis.footage import IMAGE_SUFFIXES
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 
 class FilmError(ValueError):

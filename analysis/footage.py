@@ -11,10 +11,9 @@ import numpy as np
 from PIL import Image
 
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX
+from sumo_net.arrays import Array
 from sumo_net.settings import InputError
 from sumo_net.start_up import standard_error
-
-Array = np.ndarray[Any, Any]
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp")
 IMAGE_STEP_S = 0.1  # between the images of a folder, where nobody says

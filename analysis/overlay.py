@@ -1,15 +1,12 @@
 """Frames of footage with detected borders and predicted path."""
 
-from typing import Any
-
 import cv2
 import numpy as np
 
 from analysis import canvas
 from analysis.camera_view import draw_borders, draw_path
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 GREATEST_WIDTH_PX = 960
 

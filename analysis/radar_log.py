@@ -21,10 +21,9 @@ from plugin.schema import Column
 from plugin.tracking import classification
 from plugin.tracking.detections import Detections, EgoMotion
 from plugin.tracking.tracker import Tracker, TrackerSettings, TrackList
+from sumo_net.arrays import Array
 from sumo_net.frames import wrap_angle
 from sumo_net.settings import InputError
-
-Array = np.ndarray[Any, Any]
 
 REQUIRED = ("time_s", "range_m", "range_rate_mps", "azimuth_rad")
 EGO = ("ego_speed_mps", "ego_acceleration_mps2", "ego_yaw_rate_rps")

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -25,10 +25,9 @@ from plugin.lane import genetic, refine
 from plugin.lane.estimate import BORDER_Y, Borders, LaneEstimate
 from plugin.lane.geometry import lane_estimate_from_borders
 from plugin.lane.refine import Refine
+from sumo_net.arrays import Array
 from sumo_net.randomness import stream_key
 from sumo_net.settings import SettingsError
-
-Array = np.ndarray[Any, Any]
 
 MODES = ("refined", "paper")
 LANE_COLUMNS = [

@@ -1,13 +1,12 @@
 """Statistics shared by several figures."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.stats import binomtest, bootstrap, chi2
 
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 RESAMPLES = 1000
 _TINY = np.finfo(np.float64).tiny  # makes the ratio 0 if all rows drawn are 0

@@ -1,16 +1,15 @@
 """Bodies as boxes: their visible faces as polygons in the image, far ones first."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from camera_synth.camera import WIDTH_PX
 from camera_synth.degrade import contrast_left, lattice_unit
 from camera_synth.ground_kernels import whole_vectors
+from sumo_net.arrays import Array
 from sumo_net.compile import inlined, kernel
-
-Array = np.ndarray[Any, Any]
 
 POLYGONS = 20  # at most for one body
 PANELS = 6  # at most on one face

@@ -11,10 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from sumo_net.arrays import Array
 from sumo_net.compile import kernel
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 
 @settings

@@ -16,8 +16,6 @@ from camera_synth.camera import WIDTH_PX
 from sumo_net.compile import kernel
 from sumo_net.randomness import bits
 
-Array = np.ndarray[Any, Any]
-
 NODE_PX = 8
 
 _P1, _P2, _P3 = np.uint32(0x9E3779B1), np.uint32(0x85EBCA77), np.uint32(0xC2B2AE3D)

@@ -7,15 +7,14 @@ curvature and the line's own offset.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from camera_synth.camera import WIDTH_PX
+from sumo_net.arrays import Array
 from sumo_net.compile import inlined, kernel
 from sumo_net.road import MAX_BORDERS
-
-Array = np.ndarray[Any, Any]
 
 RIGHT_EDGE, LEFT_EDGE, PATH = MAX_BORDERS, MAX_BORDERS + 1, MAX_BORDERS + 2
 CURVES = MAX_BORDERS + 3

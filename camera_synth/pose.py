@@ -1,10 +1,8 @@
 """Poses of the fleet's vehicles in the world."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
-import numpy as np
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 
 class Pose(NamedTuple):

@@ -1,7 +1,5 @@
 """The road camera of a fleet: 8-bit grey frames from road, surrounding bodies, pose and conditions."""
 
-from typing import Any
-
 import numpy as np
 
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Projection
@@ -9,10 +7,9 @@ from camera_synth.condition import Looks
 from camera_synth.pose import Placed
 from camera_synth.render_kernels import render_fleet
 from camera_synth.truth import BorderColumns, new_border_columns
+from sumo_net.arrays import Array
 from sumo_net.road import RoadAhead
 from sumo_net.surroundings import Objects
-
-Array = np.ndarray[Any, Any]
 
 NO_TRUTH = np.zeros(0, np.int64), new_border_columns(0)
 

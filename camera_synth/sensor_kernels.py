@@ -1,16 +1,15 @@
 """From the light on a row to 8-bit grey: exposure, vignetting, veiling glare, noise."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from camera_synth.camera import WIDTH_PX
 from camera_synth.degrade import NODE_PX, interpolate, smooth_walk, times
+from sumo_net.arrays import Array
 from sumo_net.compile import inlined, kernel
 from sumo_net.randomness import bits
-
-Array = np.ndarray[Any, Any]
 
 _VEIL_GREY = 235.0
 _M1, _M2 = np.uint32(0x21F0AAAD), np.uint32(0x735A2D97)

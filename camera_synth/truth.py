@@ -8,7 +8,8 @@ from camera_synth.camera import PROCESSED_ROWS, WIDTH_PX, Projection
 from camera_synth.condition import Looks
 from camera_synth.pose import Pose
 from camera_synth.truth_kernels import locate_borders
-from sumo_net.road import Array, RoadAhead
+from sumo_net.arrays import Array
+from sumo_net.road import RoadAhead
 from sumo_net.surroundings import Objects
 
 

@@ -9,18 +9,17 @@ see docs/ego_sensors.md. Lags shorter than the step of 0.1 s are neglected.
 import functools
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from ego_synth import sensor_kernels
 from ego_synth.sensor_kernels import SensorNumbers
+from sumo_net.arrays import Array
 from sumo_net.randomness import generator, stream_key
 from sumo_net.settings import kernel_view, settings
 from sumo_net.step import STEP_S
-
-Array = np.ndarray[Any, Any]
 
 _STREAM = "ego sensors"
 

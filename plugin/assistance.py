@@ -19,6 +19,7 @@ from plugin.reaction import Listeners
 from plugin.record import MOST_WAITING, Recorder
 from plugin.truth import Scorer
 from plugin.warning import departure
+from sumo_net.arrays import Array
 from sumo_net.batch import ALL, join, longer, select
 from sumo_net.bend_speed import BendSpeed
 from sumo_net.ego import Ego, EgoTruth, as_driven
@@ -34,8 +35,6 @@ from sumo_net.settings import read_toml
 from sumo_net.snapshot import Snapshot
 from sumo_net.step import STEP_S
 from sumo_net.traffic import Traffic, TrafficError
-
-Array = np.ndarray[Any, Any]
 
 SETTLE_EVERY_STEPS = 100  # rows are scored and written every 10 s of simulated time …
 WRITE_EVERY_STEPS = 10  # … those of `tracks`, scored at once, every second in which there are so many

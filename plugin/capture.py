@@ -24,10 +24,9 @@ from plugin.rear_end import RearEndScorer
 from plugin.record import Recorder
 from plugin.schema import TABLES
 from plugin.vision import Vision
+from sumo_net.arrays import Array
 from sumo_net.batch import select
 from sumo_net.road_table import RoadAhead
-
-Array = np.ndarray[Any, Any]
 
 FRAMES, OWNER = "frames", "vehicle.json"
 _EVERY_STATION = 3  # every third station of the sampled road ahead; enough for a map of it

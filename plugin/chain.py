@@ -6,8 +6,6 @@ truth is used only by the synthesisers and for the columns that score the estima
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from camera_synth.pose import Pose
 from ego_synth.sensors import SensorState
 from plugin import step_columns
@@ -21,14 +19,13 @@ from plugin.ranging import Echo, Ranging, RangingState, Tracked, bodies_ahead
 from plugin.vision import Scene, Sight, Vision, VisionState
 from plugin.warning import departure
 from plugin.warning.tlc import time_to_lane_crossing
+from sumo_net.arrays import Array
 from sumo_net.batch import join, select
 from sumo_net.ego import EgoTruth
 from sumo_net.road import RoadNetwork
 from sumo_net.road_kernels import ahead as road_ahead
 from sumo_net.snapshot import Snapshot
 from sumo_net.surroundings import objects_around
-
-Array = np.ndarray[Any, Any]
 
 
 class VehicleState(NamedTuple):

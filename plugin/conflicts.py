@@ -9,10 +9,9 @@ from pydantic import Field
 
 from plugin import leader_kernels
 from plugin.leaders import NOBODY, Leaders
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
 from sumo_net.step import STEP_S
-
-Array = np.ndarray[Any, Any]
 
 LEVELS = ("", "reminder", "danger")
 REMINDER, DANGER = 1, 2

@@ -4,16 +4,16 @@ import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from plugin.chain import Chain, ChainState, Outcome
+from sumo_net.arrays import Array
 from sumo_net.batch import ALL, select
 from sumo_net.ego import EgoTruth
 from sumo_net.snapshot import Snapshot
 
-Array = np.ndarray[Any, Any]
 J = TypeVar("J")
 
 UNEVEN = 1 / 64  # of the fleet, at least HANDFUL vehicles: if parts differ by more, they are split again

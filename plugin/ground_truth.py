@@ -1,6 +1,6 @@
 """What the estimates of a step are compared with: the truth in the chain's terms, and baselines."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,11 +8,10 @@ from plugin.ground_truth_kernels import compare
 from plugin.motion.estimate import MotionEstimate, Trajectory
 from plugin.motion.prediction_kernels import Predictor
 from plugin.truth import HORIZONS_S, PREDICTORS
+from sumo_net.arrays import Array
 from sumo_net.ego import EgoTruth
 from sumo_net.road import AHEAD_M
 from sumo_net.vehicle import Vehicle
-
-Array = np.ndarray[Any, Any]
 
 
 class Reference(NamedTuple):

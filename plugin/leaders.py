@@ -4,11 +4,12 @@ Time to collision is the bumper-to-bumper gap over the closing speed, as in SUMO
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from plugin import leader_kernels as kernels
+from sumo_net.arrays import Array
 from sumo_net.batch import longer
 from sumo_net.ego import EgoTruth
 from sumo_net.lane_chain import lanes_ahead
@@ -16,8 +17,6 @@ from sumo_net.lane_graph import LaneGraph
 from sumo_net.road import RoadTable
 from sumo_net.snapshot import Snapshot
 from sumo_net.surroundings import Objects
-
-Array = np.ndarray[Any, Any]
 
 NOBODY = -1
 _REMEMBERED_CHAINS = 5_000

@@ -1,6 +1,6 @@
 """The vehicle's own sensors in the chain: their readings, and those that the estimators use."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,9 +9,8 @@ from ego_synth.sensors import Readings, SensorState
 from plugin.configuration import Configuration
 from plugin.motion import observer
 from plugin.motion.estimate import MotionEstimate, OwnReadings
+from sumo_net.arrays import Array
 from sumo_net.ego import EgoTruth
-
-Array = np.ndarray[Any, Any]
 
 
 class OwnMotion(NamedTuple):

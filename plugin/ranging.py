@@ -1,7 +1,7 @@
 """The radar chain of a fleet: detections, tracks, and the rear-end warning."""
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from plugin.warning.collision import Collision, CollisionState, CollisionWarning
 from radar_synth.radar import OwnMotion, ScanTruth, Sightings
 from radar_synth.scan import flatten, scan
 from radar_synth.visibility import objects_in_view
+from sumo_net.arrays import Array
 from sumo_net.batch import join
 from sumo_net.ego import EgoTruth
 from sumo_net.randomness import stream_key
@@ -28,8 +29,6 @@ from sumo_net.roadside import place
 from sumo_net.snapshot import Snapshot
 from sumo_net.step import STEP_S
 from sumo_net.surroundings import Objects
-
-Array = np.ndarray[Any, Any]
 
 _MOVING_MPS = 5.0  # a track without a class yet is taken for a vehicle above this speed
 

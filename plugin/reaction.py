@@ -1,15 +1,13 @@
 """Drivers that react to their warnings, to measure the benefit of the warnings."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from pydantic import Field
 
+from sumo_net.arrays import Array
 from sumo_net.randomness import stream_key, uniform
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 _REMEMBERED = 10_000  # drivers
 

@@ -13,13 +13,12 @@ from plugin.ranging import Echo
 from plugin.record import Recorder
 from plugin.track_truth import Followed, Rows, Step, TrackTruth, table
 from plugin.warning.collision import BUZZER, CODES
+from sumo_net.arrays import Array
 from sumo_net.batch import join
 from sumo_net.ego import EgoTruth
 from sumo_net.road import RoadNetwork
 from sumo_net.snapshot import Snapshot
 from sumo_net.traffic import Traffic
-
-Array = np.ndarray[Any, Any]
 
 LABELS = {"fcw_state": CODES, "fcw_buzzer": BUZZER}
 

@@ -10,10 +10,10 @@ from plugin.truth import PREDICTORS
 from plugin.vision import Sight
 from plugin.warning.departure import DepartureWarning
 from plugin.warning.tlc import Crossing
+from sumo_net.arrays import Array
 from sumo_net.ego import EgoTruth
 from sumo_net.snapshot import Snapshot
 
-Array = np.ndarray[Any, Any]
 Columns = dict[str, Any]
 
 _SIDE_CODES = np.array([-1, 0, 1])  # indexed by side: 0 none, 1 left, -1 (the last) right

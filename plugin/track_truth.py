@@ -13,11 +13,9 @@ from plugin.tracking.classification import ClassSettings
 from plugin.tracking.detections import Estimate
 from plugin.tracking.tracker import TrackList
 from plugin.truth import labelled, named
+from sumo_net.arrays import Array
 from sumo_net.batch import join
 from sumo_net.ego import EgoTruth
-
-Array = np.ndarray[Any, Any]
-
 
 NUMBERS = (
     *Estimate._fields,

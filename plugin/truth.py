@@ -14,11 +14,11 @@ import pyarrow as pa
 from plugin.events import LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching, event_columns
 from plugin.record import Recorder
 from plugin.schema import TABLES
+from sumo_net.arrays import Array
 from sumo_net.driver import CAUSES
 from sumo_net.driver_kernels import LANE_KEEPING, SIGNALLED_CHANGE
 from sumo_net.step import STEP_S
 
-Array = np.ndarray[Any, Any]
 Names = Mapping[int, str]  # ids of vehicles by handle
 
 HORIZONS_S = (0.5, 1.0, 1.5, 2.0)

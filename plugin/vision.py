@@ -21,12 +21,11 @@ from plugin.lane.hidden import Bodies, hidden_by, nothing_hidden
 from plugin.recognition_kernels import judge
 from plugin.tracking.rear_view import RearView, Watched, look, nobody_watched
 from plugin.truth import STRADDLING_M
+from sumo_net.arrays import Array
 from sumo_net.batch import join, select
 from sumo_net.randomness import stream_key
 from sumo_net.road import OWN_RIGHT, RoadAhead
 from sumo_net.surroundings import Objects
-
-Array = np.ndarray[Any, Any]
 
 CHUNK = 64  # vehicles whose frames are in memory at once, which share the cost of each call
 TOLERANCE_PX, SHARE = 5.0, 0.85

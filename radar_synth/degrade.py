@@ -1,14 +1,11 @@
 """From sightings to reported detections: missed detections, noise, clutter."""
 
-from typing import Any
-
 import numpy as np
 
 from radar_synth import degrade_kernels as kernels
 from radar_synth.radar import Radar, Scan, ScanTruth, Sightings, numbers
+from sumo_net.arrays import Array
 from sumo_net.surroundings import Objects
-
-Array = np.ndarray[Any, Any]
 
 
 def measure(

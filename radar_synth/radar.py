@@ -6,14 +6,13 @@ range rate positive when opening. The radar looks straight ahead.
 
 import functools
 import math
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 
 @settings

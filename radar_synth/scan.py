@@ -1,16 +1,13 @@
 """One scan of a fleet's radars: sightings, and the detections reported of them."""
 
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from radar_synth.degrade import measure
 from radar_synth.degrade_kernels import used_places
 from radar_synth.radar import OwnMotion, Radar, Scan, ScanTruth, Sightings
 from radar_synth.visibility import sightings
+from sumo_net.arrays import Array
 from sumo_net.surroundings import Objects
-
-Array = np.ndarray[Any, Any]
 
 
 class Flat(NamedTuple):

@@ -1,7 +1,5 @@
 """What the radar can see of the bodies around: field of view, occlusion, nearest visible point."""
 
-from typing import Any
-
 import numpy as np
 
 from radar_synth import visibility_kernels as kernels
@@ -9,8 +7,6 @@ from radar_synth.radar import OwnMotion, Radar, Sightings, numbers
 from sumo_net.roadside import RoadsideTable, nothing
 from sumo_net.snapshot import Snapshot
 from sumo_net.surroundings import Objects, Poses
-
-Array = np.ndarray[Any, Any]
 
 
 def objects_in_view(

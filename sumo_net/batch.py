@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
+
 B = TypeVar("B", bound=tuple[Any, ...])
 
 ALL = slice(None)

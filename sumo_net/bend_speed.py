@@ -4,8 +4,6 @@ On junctions SUMO limits the speed by the turn's radius. Between them it does no
 of a lane's shape at the speed limit, which no car can follow.
 """
 
-from typing import Any
-
 import numpy as np
 
 from sumo_net.bend_speed_kernels import bend_speeds
@@ -15,8 +13,6 @@ from sumo_net.influence import Influence
 from sumo_net.road_table import RoadTable
 from sumo_net.step import STEP_S
 from sumo_net.traffic import Traffic
-
-Array = np.ndarray[Any, Any]
 
 
 class BendSpeed:

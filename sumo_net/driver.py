@@ -8,19 +8,18 @@ SUMO makes are followed along a smooth profile. The kernels are in `driver_kerne
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
+from sumo_net.arrays import Array
 from sumo_net.driver_kernels import TABLE_SPEED_STEP_MPS
 from sumo_net.randomness import generator, stream_key
 from sumo_net.settings import kernel_view, settings
 from sumo_net.step import STEP_S
 from sumo_net.vehicle import Vehicle, single_track
-
-Array = np.ndarray[Any, Any]
 
 # of what a vehicle does, by LANE_KEEPING to UNSIGNALLED_CHANGE of driver_kernels
 CAUSES = ("lane_keeping", "distraction", "microsleep", "lane_change_signalled", "lane_change_unsignalled")

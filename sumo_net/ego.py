@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from sumo_net.arrays import Array
 from sumo_net.batch import join, select
 from sumo_net.driver import Driver, Traits, attentive, numbers, traits
 from sumo_net.driver_kernels import DISTRACTION, at_speed, reference
@@ -20,7 +21,6 @@ from sumo_net.ego_road_kernels import drive_on, onto_paths, stand
 from sumo_net.snapshot import Snapshot
 from sumo_net.vehicle import Vehicle, model
 
-Array = np.ndarray[Any, Any]
 PUT_MPS = 2.0  # no vehicle gains this in a step: SUMO has taken it out of a jam and put it here at speed
 B = TypeVar("B", bound=tuple[Any, ...])
 

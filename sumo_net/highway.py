@@ -7,16 +7,15 @@ along the line) between them. Carriageways, lanes and borders run parallel to it
 import itertools
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pydantic
 from pydantic import Field
 from scipy.special import fresnel
 
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 
 @settings

@@ -5,11 +5,12 @@ drive as before afterwards. All draws depend on the seed and the vehicle's id al
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 
+from sumo_net.arrays import Array
 from sumo_net.batch import longer
 from sumo_net.influence import Influence
 from sumo_net.randomness import stream_key, uniform, uniforms
@@ -17,8 +18,6 @@ from sumo_net.settings import settings
 from sumo_net.snapshot import Snapshot
 from sumo_net.step import STEP_S
 from sumo_net.traffic import Traffic
-
-Array = np.ndarray[Any, Any]
 
 KINDS = "braking", "cut-in"
 _CUT_IN_S = 3.0  # how long the vehicle stays on the lane it has cut into

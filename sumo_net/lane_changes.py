@@ -4,16 +4,13 @@ Only the positions that sensors see are shifted, not SUMO's own state. Equipped 
 driver model and are not touched.
 """
 
-from typing import Any
-
 import numpy as np
 
+from sumo_net.arrays import Array
 from sumo_net.batch import longer
 from sumo_net.lane_graph import LaneGraph
 from sumo_net.snapshot import Snapshot
 from sumo_net.step import STEP_S
-
-Array = np.ndarray[Any, Any]
 
 CHANGE_S = 3.0
 

@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from sumo_net.road_table import Array
+from sumo_net.arrays import Array
 from sumo_net.settings import InputError
 from sumo_net.xml_input import Bounded
 

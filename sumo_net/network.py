@@ -14,7 +14,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from sumo_net.highway import Alignment, Array, Highway, alignment
+from sumo_net.arrays import Array
+from sumo_net.highway import Alignment, Highway, alignment
 from sumo_net.netconvert import netconvert
 
 CHORD_ERROR_M = 0.005

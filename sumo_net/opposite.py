@@ -6,8 +6,9 @@ their own, `LaneGraph.against`: the same place, in their driving direction, left
 
 import numpy as np
 
+from sumo_net.arrays import Array
 from sumo_net.lane_graph import LaneGraph
-from sumo_net.snapshot import Array, Snapshot
+from sumo_net.snapshot import Snapshot
 from sumo_net.traffic import Traffic
 
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sumo_net.road import AHEAD_M, DASHED, MAX_BORDERS, OWN_RIGHT, SOLID, Array, RoadAhead
+from sumo_net.arrays import Array
+from sumo_net.road import AHEAD_M, DASHED, MAX_BORDERS, OWN_RIGHT, SOLID, RoadAhead
 from sumo_net.surroundings import Objects
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)

@@ -1,10 +1,8 @@
 """Polylines: points (P, 2) of x and y."""
 
-from typing import Any
-
 import numpy as np
 
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 
 def stations(points: Array) -> Array:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sumo_net import lane_chain, lane_graph, road_fit
+from sumo_net.arrays import Array
 from sumo_net.lane_chain import Piece
 from sumo_net.lane_graph import AGAINST, LaneGraph, NetworkError
 from sumo_net.network import BuiltNetwork, Carriageway
@@ -22,7 +23,6 @@ from sumo_net.road_table import (
     NO_MARKING,
     OWN_RIGHT,
     SOLID,
-    Array,
     RoadAhead,
     RoadTable,
 )

@@ -22,8 +22,8 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
 from scipy.ndimage import maximum_filter1d
 
+from sumo_net.arrays import Array
 from sumo_net.polyline import stations
-from sumo_net.road_table import Array
 
 SCALE_M = 12.0  # ℓ at first
 SHORTEST_SCALE_M = 0.4

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sumo_net.arrays import Array
 from sumo_net.lane_graph import Connection, Edge, Lane, LaneGraph
 from sumo_net.polyline import stations
-from sumo_net.road_table import DASHED, MAX_BORDERS, NO_MARKING, OWN_RIGHT, SOLID, Array
+from sumo_net.road_table import DASHED, MAX_BORDERS, NO_MARKING, OWN_RIGHT, SOLID
 
 _JUNCTION_M = 6.0  # asphalt to either side of a path through a junction, at least
 _KNOT_M = 20.0

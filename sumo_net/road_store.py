@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from sumo_net.arrays import Array
 from sumo_net.batch import longer
 from sumo_net.lane_chain import Piece
 from sumo_net.road_fit import SmoothPath
 from sumo_net.road_marking import Section
-from sumo_net.road_table import MAX_BORDERS, Array, RoadTable
+from sumo_net.road_table import MAX_BORDERS, RoadTable
 
 _PATH = (
     "first_sample",

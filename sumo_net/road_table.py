@@ -8,11 +8,11 @@ those further right, higher slots those further left. An unused slot is NaN. A b
 path where lanes begin or end beside it.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 MAX_BORDERS = 8  # slots of borders across a carriageway
 OWN_RIGHT = 3  # slot of the right border of the path's own lane; its left border is the next slot

@@ -4,18 +4,17 @@ They are placed once along the outer borders of a network's edges, fixed in the 
 every vehicle that passes meets the same objects.
 """
 
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 from scipy.spatial import cKDTree
 
 from sumo_net import polyline
+from sumo_net.arrays import Array
 from sumo_net.lane_graph import Lane, LaneGraph
 from sumo_net.randomness import generator
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 FIRST_HANDLE = -2
 _SAMPLE_M = 2.0  # spacing at which lanes are sampled to find objects on them

@@ -1,10 +1,8 @@
 """All vehicles of a simulation at one time, as columns."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 
 class Snapshot(NamedTuple):

@@ -4,7 +4,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from sumo_net.snapshot import Array, Snapshot
+from sumo_net.arrays import Array
+from sumo_net.snapshot import Snapshot
 from sumo_net.surroundings_kernels import around
 
 REACH_M = 200.0

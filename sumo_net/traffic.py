@@ -17,9 +17,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from sumo_net import columns
+from sumo_net.arrays import Array
 from sumo_net.batch import longer
 from sumo_net.frames import heading_from_sumo_angle
-from sumo_net.snapshot import Array, Snapshot
+from sumo_net.snapshot import Snapshot
 from sumo_net.start_up import cause, is_left_hand, one_line, set_sumo_home, standard_error
 from sumo_net.step import STEP_S
 

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from analysis.plots.run import PREDICTORS, add_errors, finish_errors, words
 from analysis.plots.style import BLUE, GREY, SERIES, VERMILLION, blank_sheet, nothing, sheet, styled
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 RATES = {
     "departures": "departures",

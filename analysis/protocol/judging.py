@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,9 +10,8 @@ import pandas as pd
 from analysis.protocol.definition import CollisionTest, DepartureTest, QuietTest
 from analysis.protocol.planning import LANE_M, Trial
 from plugin.warning.safe_distance import time_to_collision
+from sumo_net.arrays import Array
 from sumo_net.step import STEP_S
-
-Array = np.ndarray[Any, Any]
 
 _BRAKE_WINDOW = slice(5, 20)  # steps after the start of braking, over which it is averaged
 

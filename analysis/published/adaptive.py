@@ -16,10 +16,9 @@ from analysis.published import comparison
 from plugin.tracking import adaptive, kalman
 from plugin.tracking.kalman_kernels import STATES
 from plugin.tracking.models import GROUND_C, GroundMotion, ground_model
+from sumo_net.arrays import Array
 from sumo_net.randomness import generator
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 FILTERS = ("fixed", "adaptive", "patent_r", "patent")
 TOLD = {"known": 1.0, "too_small": 1 / 25, "too_large": 25.0, "changing": 1.0}

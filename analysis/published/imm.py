@@ -17,10 +17,9 @@ from pydantic import Field
 from analysis.published import comparison
 from plugin.tracking import imm
 from plugin.tracking.models import POLAR_H, PUBLISHED_MOTION, PolarMotion, RadarNoise, polar_models
+from sumo_net.arrays import Array
 from sumo_net.randomness import generator
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 FILTERS: dict[str, tuple[str, ...]] = {"cv": ("cv",), "ca": ("ca",), "imm": ("cv", "ca")}
 PHASES = {"steady": (3.0, 10.0), "manoeuvre": (10.0, 15.0)}

@@ -5,15 +5,15 @@ matrices and kernels of `sumo_net.vehicle`, so that it is an independent truth f
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from plugin.lane.estimate import LaneEstimate
+from sumo_net.arrays import Array
 from sumo_net.vehicle import Vehicle
 
-Array = np.ndarray[Any, Any]
 Steer = Callable[[float, Array, float], float]  # (t, state (v_y, γ, s, d, ψ), v) -> front steer in rad
 
 PREVIEW_M = 33.5

@@ -10,7 +10,7 @@ without numbers, and claims that full load is observed a little worse.
 """
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -43,11 +43,10 @@ from plugin.motion.observer import ObserverSettings
 from plugin.motion.prediction import PredictionSettings
 from plugin.recognition_kernels import judge
 from plugin.vision import SHARE, TOLERANCE_PX
+from sumo_net.arrays import Array
 from sumo_net.randomness import stream_key
 from sumo_net.road import OWN_RIGHT
 from sumo_net.step import STEP_S
-
-Array = np.ndarray[Any, Any]
 
 CHAINS = ("paper", "refined")
 

@@ -1,6 +1,6 @@
 """The drives of the road runs (Zhang et al. 2011, section 4.2) and the frames that their cameras see."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -11,13 +11,12 @@ from camera_synth.condition import looks, preset
 from camera_synth.pose import Pose
 from camera_synth.render import NO_TRUTH, render
 from camera_synth.truth import BorderColumns
+from sumo_net.arrays import Array
 from sumo_net.plain_road import PlainRoad, no_objects
 from sumo_net.randomness import stream_key, uniform
 from sumo_net.settings import settings
 from sumo_net.step import STEP_S
 from sumo_net.vehicle import Vehicle
-
-Array = np.ndarray[Any, Any]
 
 HALF, FULL, CAMERA = Vehicle(), Vehicle(mass_kg=1460.0), Camera()
 ROAD = PlainRoad(np.array([0.0, 150.0, 250.0, 420.0, 520.0]), np.array([0.0, 0.0, 1e-3, 1e-3, 0.0]))

@@ -12,7 +12,7 @@ correction of slip errors of the lane tracker is off, as these lane estimates ha
 
 import functools
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -27,8 +27,6 @@ from plugin.motion.bank_kernels import observe
 from plugin.motion.filter import FilterSettings
 from plugin.motion.observer import ObserverSettings
 from sumo_net.vehicle import Vehicle, steady_state
-
-Array = np.ndarray[Any, Any]
 
 HALF, FULL = Vehicle(), Vehicle(mass_kg=1460.0)
 ROAD_1PM = 0.001

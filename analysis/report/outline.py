@@ -9,14 +9,13 @@ import numpy as np
 
 from analysis.report.reading import RunTables
 from plugin.configuration import configuration_from
+from sumo_net.arrays import Array
 from sumo_net.configuration import read_configuration
 from sumo_net.lane_graph import NetworkError
 from sumo_net.lane_graph import read as read_lane_graph
 from sumo_net.network import BuiltNetwork
 from sumo_net.scenario import road
 from sumo_net.settings import SettingsError
-
-Array = np.ndarray[Any, Any]
 
 MARGIN_M = 150.0  # the network is shown this far around the driven paths
 MOST_POINTS = 30_000  # more would make the page heavy; the outline is then left out

@@ -9,8 +9,7 @@ import pandas as pd
 from analysis.metrics import unsignalled
 from analysis.plots.drive import JUMP_M, STEP_GAP_S, at_event, episodes
 from analysis.report.reading import RunTables, json_ready
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 MOST_ROWS = 40_000  # of steps on the page; larger runs show only the vehicles with most events
 PATH_EVERY = 5  # steps between points of a path on the map

@@ -13,8 +13,7 @@ from analysis.metrics import unsignalled
 from analysis.report.reading import json_ready
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, projection
 from plugin.tracking.classification import NAMES
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 DRIVES_BYTES = 6_500_000  # of all drives on a page: with Plotly and the timelines it stays under 15 MB
 JPEG_QUALITY = 50

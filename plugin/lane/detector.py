@@ -1,6 +1,6 @@
 """What finds the lane in a fleet's frames: the published search, the default tracker, or a user's own."""
 
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from plugin.lane.genetic import GeneticSearch, SearchState, fitted_to, search_nu
 from plugin.lane.geometry import Plausibility, lane_estimate_from_borders, marking_centres
 from plugin.lane.refine import LaneState, Refine
 from plugin.lane.road_model import HEADING, KNOT, KNOTS, OFFSET, WIDTH
+from sumo_net.arrays import Array
 from sumo_net.batch import select
 
-Array = np.ndarray[Any, Any]
 S = TypeVar("S")
 
 

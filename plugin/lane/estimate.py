@@ -1,10 +1,10 @@
 """Results of lane detection: borders in the image, and the lane in the vehicle frame."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 ROWS, ROW_STEP = 50, 3
 BORDER_Y = 1.0 + ROW_STEP * np.arange(ROWS)  # where borders are reported: 1 to 148, as the published blocks

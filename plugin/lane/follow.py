@@ -3,7 +3,7 @@
 Kernels here work on row i of the trackers' state `new`, in place.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,10 +23,9 @@ from plugin.lane.own_turn import measure
 from plugin.lane.refine_fit import fit, gather, predict_spread, tally
 from plugin.lane.rival import LOOKS, carry
 from plugin.lane.road_model import HEADING, LEFT, OFFSET, OUTER_LEFT, RIGHT, WIDTH
+from sumo_net.arrays import Array
 from sumo_net.compile import kernel
 from sumo_net.copy_kernels import copy_vector
-
-Array = np.ndarray[Any, Any]
 
 SEARCHING, TENTATIVE, LOCKED = 0, 1, 2
 RISE = 0.3  # part of the way that a share takes per frame to a greater one

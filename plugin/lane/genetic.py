@@ -12,7 +12,7 @@ across the whole image, the search moves on to the neighbouring lane's borders w
 
 import dataclasses
 import math
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -21,9 +21,9 @@ from camera_synth.camera import WIDTH_PX, Camera, image_from_vehicle, projection
 from plugin.lane.estimate import Borders
 from plugin.lane.genetic_kernels import search_kernel
 from plugin.lane.objective import Objective, blocks_below_horizon, check_frames, objective_numbers
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
 
-Array = np.ndarray[Any, Any]
 Interval = tuple[float, float]
 
 DECIMALS = (4, 2, 0)  # m of eq. 4 for a, b and c

@@ -6,7 +6,7 @@ x = 160 - X₀·u/h - e·f - K·h·f²/(2u), u = 157 - y (X₀, e, K left positi
 for K = 0.
 """
 
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -14,9 +14,8 @@ from pydantic import Field, model_validator
 from camera_synth.camera import WIDTH_PX, Camera, projection
 from plugin.lane.estimate import Borders, LaneEstimate, blank
 from plugin.lane.geometry_kernels import lane_estimate_kernel
+from sumo_net.arrays import Array
 from sumo_net.settings import kernel_view, settings
-
-Array = np.ndarray[Any, Any]
 
 
 @settings

@@ -6,14 +6,13 @@ point of each, and the dark strip under it in the image its width.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from camera_synth.camera import Projection, image_from_vehicle
+from sumo_net.arrays import Array
 from sumo_net.compile import kernel
-
-Array = np.ndarray[Any, Any]
 
 BODIES = 8  # of each vehicle, the nearest
 NEAREST_M, FURTHEST_M, ASIDE_M = 5.0, 100.0, 9.0

@@ -1,6 +1,6 @@
 """Finding the lane without prior knowledge, in one frame."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,10 +28,9 @@ from plugin.lane.refine_fit import (
 )
 from plugin.lane.rival import close
 from plugin.lane.road_model import HEADING, LEFT, LINES, OFFSET, RIGHT, STATES, WIDTH
+from sumo_net.arrays import Array
 from sumo_net.compile import kernel
 from sumo_net.copy_kernels import copy_matrix, copy_vector
-
-Array = np.ndarray[Any, Any]
 
 
 class Room(NamedTuple):

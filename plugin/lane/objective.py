@@ -10,16 +10,15 @@ three pixels minus the mean of the three opposite ones, without the pixels betwe
 row, the middle column); so F is greatest on the *inner* edge of a marking, half bright, half road.
 """
 
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from camera_synth.camera import HEIGHT_PX, WIDTH_PX, Camera
 from plugin.lane.objective_kernels import BLOCK_PX, BLOCKS, UNIT, objective_kernel
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 # Tables 1 and 2, a row per slope class: 0.5 <= |b| <= 2, |b| > 2, |b| < 0.5
 ALPHA = (0.4, 0.2, 0.2)

@@ -10,7 +10,7 @@ another lane replaces the tracked one.
 import functools
 import math
 import threading
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -25,9 +25,8 @@ from plugin.lane.refine_fit import workspace
 from plugin.lane.refine_kernels import REACH_M, columns_kernel, parabola_kernel, step_kernel
 from plugin.lane.rival import RIVAL
 from plugin.lane.road_model import STATES, rows_to_read
+from sumo_net.arrays import Array
 from sumo_net.settings import kernel_view, settings
-
-Array = np.ndarray[Any, Any]
 
 
 @settings

@@ -7,7 +7,7 @@ shrinks from iteration to iteration. Information form: Λ = P⁻¹ + Σ w Jᵀ J
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,9 +39,8 @@ from plugin.lane.road_model import (
     sway,
     trace,
 )
+from sumo_net.arrays import Array
 from sumo_net.compile import kernel
-
-Array = np.ndarray[Any, Any]
 
 CANDIDATES = 3
 MARGIN_PX = 5.0  # no ridge can be detected closer to the image's sides

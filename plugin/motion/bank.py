@@ -13,7 +13,8 @@ from scipy.linalg import solve_discrete_are
 from plugin.lane.estimate import LaneEstimate
 from plugin.motion import bank_kernels
 from plugin.motion.bank_kernels import BankSchedule, BankState
-from plugin.motion.estimate import Array, MotionEstimate, blank
+from plugin.motion.estimate import MotionEstimate, blank
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
 from sumo_net.vehicle import STANDSTILL_MPS, Vehicle, preview_model, zero_order_hold
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plugin.motion.estimate import Array
 from plugin.motion.steering_kernels import front_steer
+from sumo_net.arrays import Array
 from sumo_net.compile import kernel
 
 

@@ -1,10 +1,10 @@
 """Data types of the observers and the predictor; left positive, ISO 8855."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 
 class MotionEstimate(NamedTuple):

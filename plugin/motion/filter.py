@@ -28,7 +28,7 @@ from pydantic import Field
 
 from plugin.lane.estimate import LaneEstimate
 from plugin.motion import filter_kernels
-from plugin.motion.estimate import Array, MotionEstimate, OwnReadings, blank, no_readings
+from plugin.motion.estimate import MotionEstimate, OwnReadings, blank, no_readings
 from plugin.motion.filter_kernels import (
     AIM,
     ALIGNMENT,
@@ -48,6 +48,7 @@ from plugin.motion.filter_kernels import (
     N,
     R,
 )
+from sumo_net.arrays import Array
 from sumo_net.settings import kernel_view, settings
 from sumo_net.vehicle import STANDSTILL_MPS, Vehicle, single_track, steady_state
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plugin.motion.estimate import Array
+from sumo_net.arrays import Array
 from sumo_net.compile import kernel
 from sumo_net.copy_kernels import copy_matrix, copy_vector
 

@@ -14,9 +14,10 @@ from plugin.lane.estimate import LaneEstimate
 from plugin.motion import bank, filter
 from plugin.motion.bank import BankSettings
 from plugin.motion.bank_kernels import BankSchedule, BankState
-from plugin.motion.estimate import Array, MotionEstimate, OwnReadings
+from plugin.motion.estimate import MotionEstimate, OwnReadings
 from plugin.motion.filter import FilterSettings
 from plugin.motion.filter_kernels import GYRO, FilterSchedule, FilterState
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
 from sumo_net.vehicle import Vehicle
 

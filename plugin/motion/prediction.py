@@ -13,8 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from plugin.motion import prediction_kernels
-from plugin.motion.estimate import Array, MotionEstimate, Trajectory
+from plugin.motion.estimate import MotionEstimate, Trajectory
 from plugin.motion.prediction_kernels import Predictor
+from sumo_net.arrays import Array
 from sumo_net.settings import kernel_view, settings
 from sumo_net.vehicle import Vehicle, model
 

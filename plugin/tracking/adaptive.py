@@ -4,7 +4,7 @@
 it subtracts covariances from squared innovations and so loses definiteness; this is flagged, not repaired.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -12,9 +12,8 @@ from pydantic import Field
 from plugin.tracking import adaptive_kernels as kernels
 from plugin.tracking import kalman
 from plugin.tracking.kalman_kernels import MEASURED, STATES
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 R_INDEFINITE, Q_INDEFINITE, P_INDEFINITE = kernels.R_INDEFINITE, kernels.Q_INDEFINITE, kernels.P_INDEFINITE
 S_INDEFINITE, NOT_FINITE = kernels.S_INDEFINITE, kernels.NOT_FINITE

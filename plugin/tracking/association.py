@@ -8,7 +8,7 @@ on the block, not on the fleet.
 from scipy.optimize import linear_sum_assignment
 
 from plugin.tracking.association_kernels import competing
-from plugin.tracking.detections import Array
+from sumo_net.arrays import Array
 
 NONE = -1
 _TRACKS_A_CALL = 16  # after so many a new block begins where possible

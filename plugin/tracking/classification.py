@@ -1,14 +1,13 @@
 """Motion classes of objects ahead (CN104635233A, thresholds IV, transitions V)."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from plugin.tracking.classification_kernels import ClassRules
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 NAMES = (
     "unclassified",

@@ -9,7 +9,7 @@ first and learned from the radar's range; its error scales range and closing spe
 in the time to collision.
 """
 
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -21,10 +21,9 @@ from plugin.tracking.imm import markov_of
 from plugin.tracking.models import RadarNoise
 from plugin.tracking.rear_view import RearView
 from plugin.tracking.tracker import TrackList
+from sumo_net.arrays import Array
 from sumo_net.batch import select
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 _STATES = 4
 

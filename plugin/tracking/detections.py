@@ -1,10 +1,10 @@
 """Inputs and outputs of tracking: detections, ego motion, estimates."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 
 class Detections(NamedTuple):

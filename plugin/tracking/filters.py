@@ -5,11 +5,12 @@ from typing import Any, Literal, Protocol
 from pydantic import Field
 
 from plugin.tracking.adaptive import Adaptation
-from plugin.tracking.detections import Array, Detections, SensorMotion
+from plugin.tracking.detections import Detections, SensorMotion
 from plugin.tracking.ground import GroundFilter
 from plugin.tracking.imm import markov_of
 from plugin.tracking.models import GroundMotion, PolarMotion, RadarNoise
 from plugin.tracking.polar import PolarFilter, StartSpread
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
 
 FilterName = Literal["imm", "adaptive", "patent", "cv", "ca"]

@@ -11,10 +11,11 @@ import numpy as np
 
 from plugin.tracking import adaptive
 from plugin.tracking.adaptive import Adaptation, AdaptiveState
-from plugin.tracking.detections import Array, Detections, SensorMotion
+from plugin.tracking.detections import Detections, SensorMotion
 from plugin.tracking.kalman_kernels import STATES
 from plugin.tracking.models import GroundMotion, RadarNoise, ground_model
 from plugin.tracking.polar import StartSpread, first_velocity
+from sumo_net.arrays import Array
 from sumo_net.batch import join, select
 
 

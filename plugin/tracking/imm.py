@@ -4,15 +4,14 @@ With one model it is the plain Kalman filter. Mode probabilities are updated as 
 measurement they change by the Markov step alone.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from plugin.tracking import imm_kernels as kernels
 from plugin.tracking import kalman_kernels
 from plugin.tracking.kalman import Gaussian, check_measured, check_states
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 
 class ImmState(NamedTuple):

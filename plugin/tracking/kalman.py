@@ -1,12 +1,11 @@
 """The Kalman filter over all tracks at once, each with its own time step and with missing measurements."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from plugin.tracking import kalman_kernels as kernels
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 
 class Gaussian(NamedTuple):

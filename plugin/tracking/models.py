@@ -8,16 +8,15 @@ Polar (IMM source, section 4): state (r, ṙ, r̈, β, β̇, β̈), z = (r, ṙ,
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 from scipy.linalg import block_diag, fractional_matrix_power
 
 from plugin.tracking.kalman_kernels import MEASURES, STATES
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 POLAR_H = np.eye(STATES)[list(MEASURES)]
 POLAR_ANGLE = np.array([False, False, True])

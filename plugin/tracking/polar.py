@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from plugin.tracking import imm, imm_kernels, polar_kernels
-from plugin.tracking.detections import Array, Detections, SensorMotion
+from plugin.tracking.detections import Detections, SensorMotion
 from plugin.tracking.imm import ImmState
 from plugin.tracking.kalman_kernels import MEASURES, STATES
 from plugin.tracking.models import (
@@ -20,6 +20,7 @@ from plugin.tracking.models import (
     markov_powers,
     polar_models,
 )
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
 
 _MEASURED = np.array(MEASURES)

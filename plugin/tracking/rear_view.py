@@ -5,14 +5,13 @@ shifts a body's foot by many pixels, but does not change its width. A body is fi
 at its foot, later where its sides were in the frame before.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from camera_synth.camera import Projection
 from plugin.tracking.rear_kernels import look_fleet, moved_sides
-
-Array = np.ndarray[Any, Any]
+from sumo_net.arrays import Array
 
 NOBODY = -1
 

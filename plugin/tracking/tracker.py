@@ -15,8 +15,9 @@ from plugin.tracking import tracker_kernels as kernels
 from plugin.tracking.association import NONE, assign
 from plugin.tracking.association_kernels import gate_pairs, unclaimed
 from plugin.tracking.classification import ClassSettings, ClassState
-from plugin.tracking.detections import Array, Detections, EgoMotion, Estimate, SensorMotion, sensor_motion
+from plugin.tracking.detections import Detections, EgoMotion, Estimate, SensorMotion, sensor_motion
 from plugin.tracking.filters import FilterName, FilterSettings, make
+from sumo_net.arrays import Array
 from sumo_net.batch import join, select
 from sumo_net.settings import settings
 

@@ -7,7 +7,7 @@ while the lane is lost, the circle that the vehicle steers. Two levels: a remind
 
 import functools
 import math
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -29,9 +29,8 @@ from plugin.warning.collision_kernels import (
     PathNumbers,
 )
 from plugin.warning.safe_distance import SafeDistance
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
-
-Array = np.ndarray[Any, Any]
 
 __all__ = [
     "ALARM",

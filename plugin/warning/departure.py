@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from plugin.motion.estimate import Array, MotionEstimate
+from plugin.motion.estimate import MotionEstimate
 from plugin.warning import departure_kernels
 from plugin.warning.departure_kernels import (
     INACTIVE,
@@ -31,6 +31,7 @@ from plugin.warning.departure_kernels import (
     DepartureNumbers,
 )
 from plugin.warning.tlc import Crossing
+from sumo_net.arrays import Array
 from sumo_net.settings import settings
 
 __all__ = [

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plugin.motion.estimate import Array, MotionEstimate, Trajectory
+from plugin.motion.estimate import MotionEstimate, Trajectory
 from plugin.warning import tlc_kernels
+from sumo_net.arrays import Array
 from sumo_net.vehicle import Vehicle
 
 

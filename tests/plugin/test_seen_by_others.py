@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sumo_net.arrays import Array
 from tests.processes import in_process
-
-Array = np.ndarray
 
 
 def change_lane_ahead(out: Path) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sumo_net.arrays import Array
 from sumo_net.batch import select
 from sumo_net.driver import Driver, Mind, Traits, attentive, numbers, traits
 from sumo_net.ego import Drive, Motion, standing
@@ -12,7 +13,6 @@ from sumo_net.ego_kernels import advance
 from sumo_net.ego_road_kernels import SIGHT_S
 from sumo_net.vehicle import Vehicle, model, steady_state
 
-Array = np.ndarray
 STEP_S, HALF_LANE_M = 0.1, 1.875
 VEHICLE = Vehicle()
 QUIET = {"distraction_per_min": 0.0, "microsleep_per_min": 0.0}

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sumo_net.arrays import Array
 from sumo_net.batch import select
-from sumo_net.surroundings import Array, Objects, objects_around
+from sumo_net.surroundings import Objects, objects_around
 from sumo_net.traffic import Snapshot
 
 
