@@ -3,10 +3,11 @@
 import atexit
 import difflib
 import json
+import shlex
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -66,7 +67,7 @@ def check(file: Path, mode: str | None = None, update: bool = False) -> dict[str
     figures = summary(**tables)
     faults = []
     for name, bound in bounds.items():
-        key = _figure(name, figures, file)
+        key = _figure(name, figures, f"{file}: expect.{name}")
         for rule, limit in bound.items():
             if not _kept(figures[key], rule, limit):
                 faults.append(_fault(name, key, figures[key], rule, limit, tables, file, wanted, mode))
@@ -116,14 +117,14 @@ def _number(name: str, value: Any) -> float:
     return float(value)
 
 
-def _figure(name: str, figures: Mapping[str, float], file: Path) -> str:
+def _figure(name: str, figures: Mapping[str, float], where: str) -> str:
     """Full name: `departures.missed` is departures_missed, `tracks.class_accuracy` is class_accuracy."""
     for key in (name.replace(".", "_"), name.split(".", 1)[-1].replace(".", "_")):
         if key in figures:
             return key
     near = difflib.get_close_matches(name.replace(".", "_"), figures, n=3, cutoff=0.4)
     hint = f": did you mean {' or '.join(near)}?" if near else ""
-    raise SettingsError(f"{file}: expect.{name}: there is no such figure{hint}")
+    raise SettingsError(f"{where}: there is no such figure{hint}")
 
 
 def _kept(value: float, rule: str, limit: float) -> bool:
@@ -145,21 +146,28 @@ def _fault(
     wanted: Regression,
     mode: str | None,
 ) -> str:
-    words = {"min": "at least", "max": "at most", "is": "exactly"}[rule]
-    lines = [f"{name} is {value:.6g}, expected {words} {limit:g}"]
+    bound = {"min": "at least", "max": "at most", "is": "exactly"}[rule]
+    lines = [f"{name} is {value:.6g}, expected {bound} {limit:g}"]
     worst = worst_moment(key, tables)
-    if worst:
-        lines.append(f"  worst: {worst}")
-    seed = worst.split(" ")[1].rsplit("-", 1)[-1] if worst else wanted.seeds[0]
-    mode_words = "" if mode is None else f" --mode {mode}"
-    lines.append(
-        f"  see it: sumo-adas run {file} --seed {seed}{mode_words} --out out/{file.name.split('.')[0]}"
-    )
+    if worst is not None:
+        lines.append(f"  worst: run {worst.run_id} vehicle {worst.vehicle_id} at {worst.time_s:.1f} s")
+    seed = wanted.seeds[0] if worst is None else worst.run_id.rsplit("-", 1)[-1]
+    words = ["sumo-adas", "run", str(file), "--seed", str(seed), *(() if mode is None else ("--mode", mode))]
+    words += ["--out", f"out/{file.name.split('.')[0]}"]
+    lines.append(f"  see it: {shlex.join(words)}")
     return "\n".join(lines)
 
 
-def worst_moment(figure: str, tables: Mapping[str, pd.DataFrame]) -> str:
-    """Run, vehicle and time at which a figure was worst; '' if there is no single moment."""
+class Moment(NamedTuple):
+    """Where to look."""
+
+    run_id: str
+    vehicle_id: str
+    time_s: float
+
+
+def worst_moment(figure: str, tables: Mapping[str, pd.DataFrame]) -> Moment | None:
+    """When a figure was worst; None if there is no single moment."""
     steps = tables["steps"]
     found: tuple[pd.DataFrame, str, pd.Series] | None = None
     if figure.startswith(("departures", "warned")):
@@ -190,17 +198,18 @@ def worst_moment(figure: str, tables: Mapping[str, pd.DataFrame]) -> str:
         if figure.startswith(("recognition", "locked")):
             found = steps, "time_s", (steps["recognised"] == False).fillna(False).astype(float)  # noqa: E712
     if found is None or not len(found[2].dropna()):
-        return ""
+        return None
     rows, time, badness = found
     row = rows.iloc[int(np.nanargmax(badness.to_numpy(np.float64, na_value=np.nan)))]
-    return f"run {row['run_id']} vehicle {row['vehicle_id']} at {row[time]:.1f} s"
+    return Moment(row["run_id"], row["vehicle_id"], float(row[time]))
 
 
 def _golden(file: Path, wanted: Regression, figures: Mapping[str, float], update: bool) -> list[str]:
     golden, place = wanted.golden, file.with_name(file.name.removesuffix(".toml") + ".golden.json")
     if not golden.figures:
         return []
-    now = {name: float(f"{figures[_figure(name, figures, file)]:.6g}") for name in golden.figures}
+    keys = {name: _figure(name, figures, f"{file}: golden.figures: {name}") for name in golden.figures}
+    now = {name: float(f"{figures[key]:.6g}") for name, key in keys.items()}
     if update or not place.exists():
         place.write_text(json.dumps(now, indent=1, sort_keys=True) + "\n", encoding="utf-8")
         return [] if update else [f"{place.name} did not exist: written now, check it and run again"]

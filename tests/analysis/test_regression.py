@@ -76,14 +76,14 @@ def test_the_worst_moment_is_where_one_would_look() -> None:
             "true_lateral_offset_m": [0.1, 0.2],
         }
     )
-    assert worst_moment("lateral_offset_rmse_m", {"steps": steps}) == "run highway-7 vehicle b at 2.0 s"
-    assert worst_moment("distance_km", {"steps": steps}) == ""
+    assert worst_moment("lateral_offset_rmse_m", {"steps": steps}) == ("highway-7", "b", 2.0)
+    assert worst_moment("distance_km", {"steps": steps}) is None
 
 
 def test_pytest_collects_runs_and_explains(tmp_path: Path) -> None:
     written(tmp_path, "good", SHORT + "[expect]\nvehicles.min = 1\n[golden]\nfigures = ['distance_km']\n")
     written(tmp_path, "bad", SHORT + "[expect]\nlateral_offset_rmse_m.max = 0.0\nnonsense = 3\n")
-    written(tmp_path, "worse", SHORT + "[expect]\nlateral_offset_rmse_m.max = 0.0\n")
+    written(tmp_path, "worse still", SHORT + "[expect]\nlateral_offset_rmse_m.max = 0.0\n")
 
     def run(*options: str) -> subprocess.CompletedProcess[str]:
         # the plug-in is an entry point of the installed package; -p does no harm where it is
@@ -94,8 +94,9 @@ def test_pytest_collects_runs_and_explains(tmp_path: Path) -> None:
     assert "1 passed" in done.stdout
     assert "2 failed" in done.stdout
     assert "lateral_offset_rmse_m is" in done.stdout
-    assert "worst: run worse-2 vehicle" in done.stdout
-    assert "see it: sumo-adas run" in done.stdout
+    assert "worst: run worse still-2 vehicle" in done.stdout
+    line = f"see it: sumo-adas run '{tmp_path}/worse still.scenario.toml' --seed 2 --out 'out/worse still'"
+    assert line in done.stdout
     assert "there is no such figure" in done.stdout
     assert (tmp_path / "good.scenario.golden.json").exists()
     assert 'tests="3"' in (tmp_path / "report.xml").read_text()
