@@ -114,6 +114,12 @@ def check_vehicle(directory: Path, vehicle_id: str) -> None:
         raise DriveError(f"{directory}: no equipped vehicle '{vehicle_id}': {hint}")
 
 
+def times_of(directory: Path, vehicle_id: str) -> Array:
+    """Times (T,) of the vehicle's steps, ascending. Raises DriveError."""
+    steps = _table(directory, "steps")
+    return np.sort(steps.loc[steps["vehicle_id"] == vehicle_id, "time_s"].to_numpy(float))
+
+
 def _load(directory: Path, vehicle_id: str) -> Drive:
     folder = directory / FRAMES / folder_name(vehicle_id)
     about = json.loads((folder / OWNER).read_text(encoding="utf-8"))

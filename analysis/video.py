@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +13,15 @@ from analysis.drive import (
     check_vehicle,
     load_drive,
     most_interesting,
+    times_of,
     vehicles_with_frames,
 )
 from analysis.drive_picture import DrivePictures
 from analysis.film import Film
 from analysis.footage import IMAGE_SUFFIXES
 from sumo_net.step import STEP_S
+
+Array = np.ndarray[Any, Any]
 
 
 def make_video(
@@ -41,6 +45,7 @@ def make_video(
         vehicle_id = most_interesting(directory)
     else:
         check_vehicle(directory, vehicle_id)
+    _check_time(vehicle_id, times_of(directory, vehicle_id), begin_s, end_s)
     with Film(out, STEP_S) as film:
         if vehicle_id not in vehicles_with_frames(directory):
             from analysis.replay import replay, settings_to_repeat
@@ -70,18 +75,26 @@ def moment_of_interest(drive: Drive) -> int:
     return len(drive.time_s) // 2
 
 
-def _shown(drive: Drive, begin_s: float | None, end_s: float | None, still: bool) -> list[int]:
+def _check_time(vehicle_id: str, time_s: Array, begin_s: float | None, end_s: float | None) -> None:
+    """Raises DriveError if the vehicle (its steps at `time_s`) did not drive in that time."""
     for name, value in (("from", begin_s), ("to", end_s)):
         if value is not None and not math.isfinite(value):
             raise DriveError(f"{name} = {value}: must be a time in s")
-    if still and begin_s is None:
-        return [moment_of_interest(drive)]
+    if not _within(time_s, begin_s, end_s).any():
+        raise DriveError(
+            f"'{vehicle_id}' has no step in that time: it drove from {time_s[0]:.1f} s to {time_s[-1]:.1f} s"
+        )
+
+
+def _within(time_s: Array, begin_s: float | None, end_s: float | None) -> Array:
     first = -math.inf if begin_s is None else begin_s - STEP_S / 2
     last = math.inf if end_s is None else end_s + STEP_S / 2
-    shown = np.flatnonzero((drive.time_s >= first) & (drive.time_s <= last)).tolist()
-    if not shown:
-        raise DriveError(
-            f"'{drive.vehicle_id}' has no step in that time: it drove from {drive.time_s[0]:.1f} s "
-            f"to {drive.time_s[-1]:.1f} s"
-        )
+    return (time_s >= first) & (time_s <= last)
+
+
+def _shown(drive: Drive, begin_s: float | None, end_s: float | None, still: bool) -> list[int]:
+    if still and begin_s is None:
+        return [moment_of_interest(drive)]
+    _check_time(drive.vehicle_id, drive.time_s, begin_s, end_s)  # of an earlier run, frames may be missing
+    shown = np.flatnonzero(_within(drive.time_s, begin_s, end_s)).tolist()
     return shown[:1] if still else shown

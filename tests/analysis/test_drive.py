@@ -188,6 +188,10 @@ def test_what_is_missing_is_said(watched: Path, tmp_path: Path) -> None:
     with pytest.raises(DriveError, match=f"no frames of '{name}'"):
         load_drive(tmp_path / "run", name)
     assert most_interesting(watched) in vehicles_of(watched)
+    said: list[str] = []
+    with pytest.raises(DriveError, match="has no step in that time"):
+        make_video(tmp_path / "run", tmp_path / "drive.mp4", name, begin_s=1e6, tell=said.append)
+    assert not said  # the run is not repeated for nothing
     settings = tmp_path / "run" / "configuration.json"
     content = json.loads(settings.read_text(encoding="utf-8"))
     settings.write_text(json.dumps(content | {"scenario": ""}), encoding="utf-8")  # of a user's own loop
