@@ -23,9 +23,9 @@ _AFTER_STRIP_M, _AFTER_FRAME_M = 0.10, 0.05
 _CONTRAST = 12.0  # least grey step at a side, over the root of the rows averaged
 _DISTINCT = 2.5  # and relative to the mean step beside it
 _FLANK_M = 0.5  # how far inside the silhouette the rear's corner may be, as the flank shows
-_QUIET = 4  # columns of the rear that are looked at before
+_QUIET = 6  # columns of the rear that are looked at before
 _DOUBT = 0.6  # standard deviation of a side's column, px, relative to the unevenness of its grey
-_CORNER = 3.0  # least step at the corner relative to those on the rear
+_CORNER = 3.5  # least step at the corner relative to those on the rear
 
 
 @kernel
