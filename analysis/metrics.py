@@ -1,10 +1,15 @@
 """Figures from tables: lane accuracy, prediction errors and baselines, warnings and departures."""
 
+import functools
+
 import numpy as np
 import pandas as pd
 
 from analysis.rear_end import rear_end_figures
 from analysis.statistics import mean, per_100_km, poisson_interval, quantile, ratio_interval
+from plugin.record import arrow_schema, to_pandas
+from plugin.schema import TABLES as COLUMNS
+from plugin.tracking.classification import NAMES as CLASSES
 from plugin.truth import HORIZONS_S, STRADDLING_M
 from sumo_net.step import STEP_S
 
@@ -203,6 +208,13 @@ def summary(
     if tracks is not None and conflicts is not None:
         result |= rear_end_figures(steps, tracks, conflicts, warnings, km)
     return result
+
+
+@functools.cache
+def figure_names() -> list[str]:
+    """Names of all figures of `summary`; those of a true motion class are missing where it does not occur."""
+    empty = {name: to_pandas(arrow_schema(COLUMNS[name]).empty_table()) for name in TABLES}
+    return [*summary(**empty), *(f"class_accuracy_{name}" for name in CLASSES)]
 
 
 def _root_mean_square(values: pd.Series) -> float:

@@ -14,13 +14,10 @@ import pandas as pd
 from pydantic import Field
 
 from analysis.fork_server import ForkServer
-from analysis.metrics import summary
+from analysis.metrics import TABLES, figure_names, summary
 from analysis.simulate import settings_of, simulate
 from plugin.record import read_table
 from sumo_net.settings import SettingsError, read, read_toml, settings
-
-TABLES = ("steps", "predictions", "warnings", "departures", "tracks", "conflicts")
-
 
 _processes = ForkServer()  # shared by all files of a session
 atexit.register(_processes.close)
@@ -62,16 +59,19 @@ def check(file: Path, mode: str | None = None, update: bool = False) -> dict[str
     settings_of(str(file), **options)  # raises before anything is run
     if not bounds and not wanted.golden.figures:
         raise SettingsError(f"{file}: expects nothing: add [expect], for example departures.missed = 0")
+    keys = {name: _figure(name, f"{file}: expect.{name}") for name in bounds}
+    golden_keys = {name: _figure(name, f"{file}: golden.figures: {name}") for name in wanted.golden.figures}
     with tempfile.TemporaryDirectory(prefix="sumo-adas-") as work:
         tables = _run(str(file), wanted.seeds, options, Path(work))
-    figures = summary(**tables)
+    figures = dict.fromkeys([*keys.values(), *golden_keys.values()], np.nan) | summary(**tables)
     faults = []
     for name, bound in bounds.items():
-        key = _figure(name, figures, f"{file}: expect.{name}")
+        key = keys[name]
         for rule, limit in bound.items():
             if not _kept(figures[key], rule, limit):
                 faults.append(_fault(name, key, figures[key], rule, limit, tables, file, wanted, mode))
-    faults += _golden(file, wanted, figures, update)
+    now = {name: float(f"{figures[key]:.6g}") for name, key in golden_keys.items()}
+    faults += _golden(file, wanted.golden, now, update)
     if faults:
         raise ExpectationError("\n".join(faults))
     return figures
@@ -117,8 +117,9 @@ def _number(name: str, value: Any) -> float:
     return float(value)
 
 
-def _figure(name: str, figures: Mapping[str, float], where: str) -> str:
+def _figure(name: str, where: str) -> str:
     """Full name: `departures.missed` is departures_missed, `tracks.class_accuracy` is class_accuracy."""
+    figures = figure_names()
     for key in (name.replace(".", "_"), name.split(".", 1)[-1].replace(".", "_")):
         if key in figures:
             return key
@@ -204,12 +205,10 @@ def worst_moment(figure: str, tables: Mapping[str, pd.DataFrame]) -> Moment | No
     return Moment(row["run_id"], row["vehicle_id"], float(row[time]))
 
 
-def _golden(file: Path, wanted: Regression, figures: Mapping[str, float], update: bool) -> list[str]:
-    golden, place = wanted.golden, file.with_name(file.name.removesuffix(".toml") + ".golden.json")
-    if not golden.figures:
+def _golden(file: Path, golden: Golden, now: dict[str, float], update: bool) -> list[str]:
+    place = file.with_name(file.name.removesuffix(".toml") + ".golden.json")
+    if not now:
         return []
-    keys = {name: _figure(name, figures, f"{file}: golden.figures: {name}") for name in golden.figures}
-    now = {name: float(f"{figures[key]:.6g}") for name, key in keys.items()}
     if update or not place.exists():
         place.write_text(json.dumps(now, indent=1, sort_keys=True) + "\n", encoding="utf-8")
         return [] if update else [f"{place.name} did not exist: written now, check it and run again"]

@@ -59,6 +59,8 @@ def test_settings_lie_over_the_scenario_that_is_named(tmp_path: Path) -> None:
         ("[expect]\na = true", "must be a number"),
         ("", "expects nothing"),
         ("[expect]", "expects nothing"),
+        ("[expect]\ndepartures.mised = 0", "did you mean departures_missed"),
+        ('[golden]\nfigures = ["departures.mised"]', "golden.figures: departures.mised"),
     ],
 )
 def test_a_file_that_is_wrong_is_told_before_anything_runs(tmp_path: Path, text: str, words: str) -> None:
