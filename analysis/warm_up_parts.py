@@ -188,7 +188,7 @@ def _no_tracks() -> Any:
 
 def own_drive() -> None:
     """Compile the equipped vehicles' drivers and dynamics, and the road that they see."""
-    from plugin.leaders import path_leaders, warned_of
+    from plugin.leaders import overlapped, path_leaders, warned_of
     from sumo_net.bend_speed_kernels import bend_speeds
     from sumo_net.driver import Driver, attentive, numbers, traits
     from sumo_net.ego import Ego, standing
@@ -210,6 +210,7 @@ def own_drive() -> None:
     bodies = Objects(np.zeros((0, MAX_OBJECTS), np.int64), *(np.zeros((0, MAX_OBJECTS)),) * 7)
     path_leaders(truth, bodies, table, vehicle.bumper_m)
     warned_of(truth, bodies, table, truth.handle, vehicle.bumper_m, 0.0, 0.0)
+    overlapped(bodies, truth.handle)
     bend_speeds(table, truth.path, no, no, 0.0, 0.0)
     uniform(np.uint64(0), 0)
     uniforms(np.zeros(0, np.uint64), 0)
