@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,9 +18,8 @@ from analysis.drive import (
 from analysis.drive_picture import DrivePictures
 from analysis.film import Film
 from analysis.footage import IMAGE_SUFFIXES
+from sumo_net.arrays import Array
 from sumo_net.step import STEP_S
-
-Array = np.ndarray[Any, Any]
 
 
 def make_video(
