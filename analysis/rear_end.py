@@ -67,6 +67,8 @@ def ttc_errors(steps: pd.DataFrame) -> dict[str, float]:
         "ttc_track_error_median_s": quantile(by_track, 0.5),  # from the radar tracks alone
         "ttc_track_error_p95_s": quantile(by_track, 0.95),
         "ttc_no_target_rate": mean(near["fcw_track_id"].isna()),
+        "ttc_unforeseen_rate": mean(np.isinf(error)),  # those, and gaps that seem to open
+        "ttc_track_unforeseen_rate": mean(np.isinf(by_track)),
     }
 
 

@@ -66,8 +66,8 @@ def _figures(f: dict[str, float]) -> Table:
     )
     if f["tlc_steps"]:
         rows += [
-            ("TLC error below 1 s", _tlc(f, "tlc")),
-            ("  from the true state", _tlc(f, "tlc_true_state")),
+            ("TLC error below 1 s", _time_error(f, "tlc")),
+            ("  from the true state", _time_error(f, "tlc_true_state")),
         ]
     rows += _rear_end(f)
     table = Table(show_header=False, box=None, pad_edge=False, padding=(0, 2, 0, 0))
@@ -89,8 +89,8 @@ def _rear_end(f: dict[str, float]) -> list[tuple[str, str]]:
         rows.append(("  warned in time", f"none due: in view for less than {VISIBLE_S:g} s before"))
     rows += [(f"{level} warnings", _by_outcome(f, f"fcw_{level}")) for level in ("reminder", "danger")]
     if f["ttc_steps"]:
-        rows.append(("TTC error below 3 s", _tlc(f, "ttc")))
-        rows.append(("  by the track alone", _tlc(f, "ttc_track")))
+        rows.append(("TTC error below 3 s", _time_error(f, "ttc")))
+        rows.append(("  by the track alone", _time_error(f, "ttc_track")))
     rows.append(
         ("radar tracks", f"{f['track_steps']:.0f} rows, class right in {_share(f['class_accuracy'], 'them')}")
     )
@@ -119,12 +119,13 @@ def _predictions(f: dict[str, float]) -> Table:
     return table
 
 
-def _tlc(f: dict[str, float], name: str) -> str:
-    median, p95 = (
-        "not predicted" if math.isinf(value) else f"{_number(value)} s"
-        for value in (f[f"{name}_error_median_s"], f[f"{name}_error_p95_s"])
-    )
-    return f"median {median}, 95th percentile {p95}"
+def _time_error(f: dict[str, float], name: str) -> str:
+    median, p95 = (f[f"{name}_error_{part}_s"] for part in ("median", "p95"))
+    words = "median not predicted" if math.isinf(median) else f"median {_number(median)} s"
+    if math.isinf(p95):
+        steps = f[f"{name.split('_')[0]}_steps"]
+        return f"{words}, none predicted in {f[f'{name}_unforeseen_rate'] * steps:.0f} of {steps:.0f} steps"
+    return f"{words}, 95th percentile {_number(p95)} s"
 
 
 def _number(value: float, decimals: int = 2) -> str:

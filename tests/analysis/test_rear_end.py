@@ -52,6 +52,7 @@ def test_ttc_errors_count_below_three_seconds_and_a_gap_that_seems_to_open_as_in
     assert math.isinf(f["ttc_error_p95_s"])
     assert 0.37 < f["ttc_track_error_median_s"] <= f["ttc_track_error_p95_s"] <= 0.401
     assert f["ttc_no_target_rate"] == pytest.approx(0.25)
+    assert (f["ttc_unforeseen_rate"], f["ttc_track_unforeseen_rate"]) == (0.25, 0.0)
 
 
 def test_bodies_that_have_collided_have_no_time_to_collision() -> None:
