@@ -30,7 +30,7 @@ from plugin.warning.collision_kernels import (
 )
 from plugin.warning.safe_distance import SafeDistance
 from sumo_net.arrays import Array
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 
 __all__ = [
     "ALARM",
@@ -273,50 +273,23 @@ class InPath(NamedTuple):
 @functools.cache
 def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, CollisionNumbers]:
     """The kernels' view of the settings."""
-    o = options
-    return (
-        PathNumbers(
-            o.enter_m,
-            o.leave_m,
-            o.half_lane_m,
-            o.stationary_half_m,
-            o.stationary_reach_s,
-            o.stationary_furthest_m,
-            o.stationary_steps,
-            o.sightings,
-            o.sight_m,
-            o.unsighted_reach_s,
-            o.sight_share,
-            o.sight_memory_s / step_s,
-            o.curvature_doubt_1pm,
-            o.lost_reach_s,
-            o.bumper_m,
-            o.entry_gap_m,
-            math.tan(o.near_angle_rad),
-            o.near_half_m,
-            o.road_reach_m,
-            o.disagreement_mps2,
-            o.jerk_mps3,
-            o.entering_s,
-            o.guess_reach_s,
-        ),
-        CollisionNumbers(
-            safe_distance.numbers(o.distance),
-            o.least_speed_mps,
-            max(0.0, o.least_speed_mps - o.speed_hysteresis_mps),
-            o.relief,
-            o.confirm_steps,
-            o.least_reminder_s,
-            o.least_danger_s,
-            -o.braking_mps2,
-            o.least_closing_mps,
-            o.floor_ttc_s,
-            o.acceleration_slack_mps2,
-            -o.hardest_braking_mps2,
-            o.bumper_m,
-            step_s,
-        ),
+    path = kernel_view(
+        PathNumbers,
+        options,
+        sight_memory_steps=options.sight_memory_s / step_s,
+        near_slope=math.tan(options.near_angle_rad),
     )
+    warning = kernel_view(
+        CollisionNumbers,
+        options,
+        safe=safe_distance.numbers(options.distance),
+        speed_on_mps=options.least_speed_mps,
+        speed_off_mps=max(0.0, options.least_speed_mps - options.speed_hysteresis_mps),
+        brakes_mps2=-options.braking_mps2,
+        hardest_mps2=-options.hardest_braking_mps2,
+        step_s=step_s,
+    )
+    return path, warning
 
 
 def init(n: int) -> CollisionState:

@@ -18,50 +18,50 @@ _LEAST_SPEED_MPS = 3.0  # slower, the yaw rate says nothing about the bend
 
 
 class PathNumbers(NamedTuple):
-    """In-path selection's settings as kernels take them."""
+    """In-path selection's settings as kernels take them; see `Collision` for those of the same name."""
 
-    enter: float  # m inside the border
-    leave: float  # m outside it
-    half_lane: float  # m, when the lane is lost
-    stationary: float  # m from the middle, for objects never seen moving
-    stationary_reach: float  # s
-    stationary_furthest: float  # m
+    enter_m: float
+    leave_m: float
+    half_lane_m: float
+    stationary_half_m: float
+    stationary_reach_s: float
+    stationary_furthest_m: float
     stationary_steps: int
     sightings: int
-    sight: float  # m
-    unsighted_reach: float  # s
+    sight_m: float
+    unsighted_reach_s: float
     sight_share: float
-    sight_memory: float  # steps
-    doubt: float  # 1/m
-    lost_reach: float  # s
-    bumper: float  # m
-    entry: float  # m, gap
-    slope: float  # tangent of the largest angle to an object in path
-    body: float  # m, half of the own body's width
-    road_reach: float  # m
-    disagreement: float  # m/s²
-    jerk: float  # m/s³
-    entering: float  # s
-    guess_reach: float  # s
+    sight_memory_steps: float
+    curvature_doubt_1pm: float
+    lost_reach_s: float
+    bumper_m: float
+    entry_gap_m: float
+    near_slope: float  # tangent of near_angle_rad
+    near_half_m: float
+    road_reach_m: float
+    disagreement_mps2: float
+    jerk_mps3: float
+    entering_s: float
+    guess_reach_s: float
 
 
 class CollisionNumbers(NamedTuple):
-    """The warning's settings as kernels take them."""
+    """The warning's settings as kernels take them; see `Collision` for those of the same name."""
 
     safe: SafeNumbers
-    speed_on: float
-    speed_off: float
-    relief: float  # share by which the gap must exceed a distance before its level ends
-    confirm: int  # steps in a row
-    least_reminder: float  # s
-    least_danger: float  # s
-    brakes: float  # m/s², negative
-    least_closing: float  # m/s
-    floor: float  # s
-    slack: float  # m/s²
-    hardest: float  # m/s², negative
-    bumper: float
-    step: float
+    speed_on_mps: float  # slowest active speed …
+    speed_off_mps: float  # … of a warning that is active already
+    relief: float
+    confirm_steps: int
+    least_reminder_s: float
+    least_danger_s: float
+    brakes_mps2: float  # negative
+    least_closing_mps: float
+    floor_ttc_s: float
+    acceleration_slack_mps2: float
+    hardest_mps2: float  # negative
+    bumper_m: float
+    step_s: float
 
 
 @kernel
@@ -184,30 +184,30 @@ def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, off
         )
         bend = yaw_rate[i] / speed[i] if speed[i] >= _LEAST_SPEED_MPS else 0.0
         if speed[i] >= _LEAST_SPEED_MPS:
-            seen = seen and abs(motion.curvature_1pm[i] - bend) * speed[i] ** 2 <= p.disagreement
-            seen = seen and abs(motion.curvature_rate_1pm2[i]) * speed[i] ** 3 <= p.jerk
+            seen = seen and abs(motion.curvature_1pm[i] - bend) * speed[i] ** 2 <= p.disagreement_mps2
+            seen = seen and abs(motion.curvature_rate_1pm2[i]) * speed[i] ** 3 <= p.jerk_mps3
         if seen:
             half = 0.5 * motion.lane_width_m[i]
             d = road_offset(
                 x, y, motion.lateral_offset_m[i], motion.heading_error_rad[i], motion.curvature_1pm[i],
-                motion.curvature_rate_1pm2[i], p.road_reach,
+                motion.curvature_rate_1pm2[i], p.road_reach_m,
             )  # fmt: skip
         else:
-            half = p.half_lane
-            d = road_offset(x, y, 0.0, 0.0, bend, 0.0, p.road_reach)
+            half = p.half_lane_m
+            d = road_offset(x, y, 0.0, 0.0, bend, 0.0, p.road_reach_m)
         offset[t] = d
         known = steps > 0
-        doubt = 0.5 * p.doubt * x * x  # how far off a wrong curvature puts the lane there
-        close = x <= p.guess_reach * speed[i]
-        aside = d - _between(d, _entered(motion, i, speed[i], p.entering) if seen and close else 0.0)
-        inside[t] = abs(aside) <= (half + p.leave if known else half - p.enter) - doubt
+        doubt = 0.5 * p.curvature_doubt_1pm * x * x  # how far off a wrong curvature puts the lane there
+        close = x <= p.guess_reach_s * speed[i]
+        aside = d - _between(d, _entered(motion, i, speed[i], p.entering_s) if seen and close else 0.0)
+        inside[t] = abs(aside) <= (half + p.leave_m if known else half - p.enter_m) - doubt
         # Beside the front, at the edge of the view, positions are poor: an object there is being passed.
-        inside[t] = inside[t] and (known or x - p.bumper >= p.entry)
-        inside[t] = inside[t] and abs(y) <= p.body + p.slope * max(x - p.bumper, 0.0)
+        inside[t] = inside[t] and (known or x - p.bumper_m >= p.entry_gap_m)
+        inside[t] = inside[t] and abs(y) <= p.near_half_m + p.near_slope * max(x - p.bumper_m, 0.0)
         if inside[t] and tracks.standing[t]:
-            inside[t] = abs(d) <= p.stationary - doubt
+            inside[t] = abs(d) <= p.stationary_half_m - doubt
         if inside[t] and not seen:
-            inside[t] = x - p.bumper <= p.lost_reach * max(speed[i], _LEAST_SPEED_MPS)
+            inside[t] = x - p.bumper_m <= p.lost_reach_s * max(speed[i], _LEAST_SPEED_MPS)
         if not inside[t]:
             continue
         if nearest[i] == NONE or x < tracks.x_m[nearest[i]]:
@@ -216,8 +216,8 @@ def in_path(tracks, motion, speed, yaw_rate, p, state, new, nearest, inside, off
             # A path that swings for a moment meets posts far ahead; one straight on meets those at corners,
             # where a camera that sees other vehicles sees none.
             inside[t] = close or steps + 1 >= p.stationary_steps
-            inside[t] = inside[t] and x <= min(p.stationary_reach * speed[i], p.stationary_furthest)
-            looked = x <= p.sight and x - p.bumper > p.unsighted_reach * speed[i]
+            inside[t] = inside[t] and x <= min(p.stationary_reach_s * speed[i], p.stationary_furthest_m)
+            looked = x <= p.sight_m and x - p.bumper_m > p.unsighted_reach_s * speed[i]
             if looked and new.sight_share[i] >= p.sight_share and sighted < p.sightings:
                 inside[t] = False
             elif inside[t]:
@@ -239,8 +239,8 @@ def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: igno
                 out.row[i] = t
     for i in range(n):
         v, a = max(speed[i], 0.0), acceleration[i]
-        fast = v >= (c.speed_off if state.fast[i] else c.speed_on)
-        level, since, since_danger = state.level[i], state.since_s[i] + c.step, state.danger_s[i] + c.step
+        fast = v >= (c.speed_off_mps if state.fast[i] else c.speed_on_mps)
+        level, since, since_danger = state.level[i], state.since_s[i] + c.step_s, state.danger_s[i] + c.step_s
         hits, hits_danger = 0, 0
         wanted, hold, suppressed = 0, 0, False
         t = out.row[i]
@@ -248,11 +248,15 @@ def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: igno
         out.gap_m[i] = out.relative_mps[i] = out.ttc_s[i] = out.ttc_accelerated_s[i] = math.nan
         out.reminder_m[i] = out.danger_m[i] = math.nan
         if t != NONE:
-            gap = max(tracks.x_m[t] - c.bumper, 0.0)
+            gap = max(tracks.x_m[t] - c.bumper_m, 0.0)
             v_l = max(tracks.vx_mps[t], 0.0)
             # The leader's acceleration counts where it brakes, beyond what the track's noise may feign.
-            a_l = min(tracks.ax_mps2[t] + c.slack, 0.0) if math.isfinite(tracks.ax_mps2[t]) else 0.0
-            a_l = max(a_l, c.hardest)
+            a_l = (
+                min(tracks.ax_mps2[t] + c.acceleration_slack_mps2, 0.0)
+                if math.isfinite(tracks.ax_mps2[t])
+                else 0.0
+            )
+            a_l = max(a_l, c.hardest_mps2)
             reminder, danger = safe_distances(v, min(a, 0.0), v_l, a_l, c.safe)
             closing = v - v_l
             out.track_id[i], out.gap_m[i], out.relative_mps[i] = tracks.track_id[t], gap, -closing
@@ -261,17 +265,17 @@ def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: igno
             out.reminder_m[i], out.danger_m[i] = reminder, danger
             # Whatever the model and the own brake: a gap that the closing speed and the leader's braking use
             # up in so short a time is worth a reminder.
-            ahead = max(closing, 0.0) * c.floor
-            worse = 0.5 * max(-a_l, 0.0) * min(c.floor, v_l / max(-a_l, 1e-9)) ** 2
+            ahead = max(closing, 0.0) * c.floor_ttc_s
+            worse = 0.5 * max(-a_l, 0.0) * min(c.floor_ttc_s, v_l / max(-a_l, 1e-9)) ** 2
             reminder = max(reminder, ahead + worse if closing > 0.0 else 0.0)
-            comes = closing >= c.least_closing or a_l < 0.0
+            comes = closing >= c.least_closing_mps or a_l < 0.0
             # A track that coasts keeps a level, but begins none.
             more = 1 if tracks.detected[t] else 0
             if comes and gap <= reminder:
                 hits = state.hits[i] + more
             if comes and gap <= danger:
                 hits_danger = state.danger_hits[i] + more
-            wanted = 2 if hits_danger >= c.confirm else (1 if hits >= c.confirm else 0)
+            wanted = 2 if hits_danger >= c.confirm_steps else (1 if hits >= c.confirm_steps else 0)
             if closing > 0.0 or a_l < 0.0:
                 hold = (
                     2
@@ -279,12 +283,12 @@ def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: igno
                     else (1 if gap <= reminder * (1.0 + c.relief) else 0)
                 )
             # Braking, and enough of it: if both go on like this it does not come to a collision.
-            suppressed = a <= c.brakes and out.ttc_accelerated_s[i] == math.inf
+            suppressed = a <= c.brakes_mps2 and out.ttc_accelerated_s[i] == math.inf
             if suppressed:
                 wanted, hold = min(wanted, 1), min(hold, 1)
-        if level == 2 and hold < 2 and (suppressed or since_danger >= c.least_danger - 1e-9):
+        if level == 2 and hold < 2 and (suppressed or since_danger >= c.least_danger_s - 1e-9):
             level = 1
-        if level == 1 and hold < 1 and since >= c.least_reminder - 1e-9:
+        if level == 1 and hold < 1 and since >= c.least_reminder_s - 1e-9:
             level = 0
         started = 0
         if wanted > level:
@@ -310,10 +314,10 @@ def step(state, tracks, inside, speed, acceleration, c, new, out):  # type: igno
 @kernel
 def warn(state, tracks, motion, speed, acceleration, yaw_rate, path, c, new, out, inside, offset):  # type: ignore[no-untyped-def]
     """`in_path`, then `step`: of n vehicles with tracks (Targets), by PathNumbers and CollisionNumbers."""
-    sight_shares(tracks, state.watched, state.sight_share, path.sight_memory, new.sight_share)
+    sight_shares(tracks, state.watched, state.sight_share, path.sight_memory_steps, new.sight_share)
     in_path(tracks, motion, speed, yaw_rate, path, state, new, out.nearest, inside, offset)
     for i in range(speed.size):
         t = out.nearest[i]
-        if t != NONE and not tracks.standing[t] and _SEEN_FROM_M <= tracks.x_m[t] <= path.sight:
+        if t != NONE and not tracks.standing[t] and _SEEN_FROM_M <= tracks.x_m[t] <= path.sight_m:
             new.watched[i] = tracks.track_id[t]
     step(state, tracks, inside, speed, acceleration, c, new, out)

@@ -32,7 +32,7 @@ from plugin.warning.departure_kernels import (
 )
 from plugin.warning.tlc import Crossing
 from sumo_net.arrays import Array
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 
 __all__ = [
     "CODES",
@@ -157,28 +157,12 @@ class DepartureWarning(NamedTuple):
 
 def numbers(settings: DepartureSettings, step_s: float = 0.1) -> DepartureNumbers:
     """The kernel's view of the settings."""
-    c = settings
-    return DepartureNumbers(
-        c.threshold_s,
-        c.hysteresis_s,
-        c.confirm_s,
-        c.consistent_s,
-        c.unseen_m,
-        c.edge_m,
-        c.least_drift_mps,
-        c.earliest_m,
-        c.earliest_time_s,
-        c.earliest_most_m,
-        c.latest_m,
-        c.rearm_gap_m,
-        c.rearm_s,
-        c.urgent_s,
-        c.least_speed_mps,
-        max(0.0, c.least_speed_mps - c.speed_hysteresis_mps),
-        c.signal_hold_s,
-        c.least_duration_s,
-        c.most_duration_s,
-        step_s,
+    return kernel_view(
+        DepartureNumbers,
+        settings,
+        speed_on_mps=settings.least_speed_mps,
+        speed_off_mps=max(0.0, settings.least_speed_mps - settings.speed_hysteresis_mps),
+        step_s=step_s,
     )
 
 

@@ -9,43 +9,43 @@ INACTIVE, READY, WARNING_LEFT, WARNING_RIGHT, SUPPRESSED, LANE_NOT_SEEN = range(
 
 
 class DepartureNumbers(NamedTuple):
-    """The warning's settings as kernels take them."""
+    """The warning's settings as kernels take them; see `DepartureSettings` for those of the same name."""
 
-    threshold: float
-    hysteresis: float
-    confirm: float
-    consistent: float
-    unseen: float
-    edge: float
-    least_drift: float
-    earliest: float
-    earliest_time: float
-    earliest_most: float
-    latest: float
-    rearm_gap: float
-    rearm_time: float
-    urgent: float
-    speed_on: float
-    speed_off: float
-    signal_hold: float
-    least_time: float
-    most_time: float
-    step: float
+    threshold_s: float
+    hysteresis_s: float
+    confirm_s: float
+    consistent_s: float
+    unseen_m: float
+    edge_m: float
+    least_drift_mps: float
+    earliest_m: float
+    earliest_time_s: float
+    earliest_most_m: float
+    latest_m: float
+    rearm_gap_m: float
+    rearm_s: float
+    urgent_s: float
+    speed_on_mps: float  # slowest active speed …
+    speed_off_mps: float  # … of a warning that is active already
+    signal_hold_s: float
+    least_duration_s: float
+    most_duration_s: float
+    step_s: float
 
 
 @kernel
 def due(tlc, gap, drift, c):  # type: ignore[no-untyped-def]
     """Whether a warning is due towards one side, by its TLC, wheel gap and rate of departure (outwards)."""
-    if drift < c.least_drift or gap < -c.latest:
+    if drift < c.least_drift_mps or gap < -c.latest_m:
         return False
-    earliest = min(max(c.earliest, c.earliest_time * drift), c.earliest_most)
-    return gap <= c.edge or (tlc <= c.threshold and gap <= earliest)
+    earliest = min(max(c.earliest_m, c.earliest_time_s * drift), c.earliest_most_m)
+    return gap <= c.edge_m or (tlc <= c.threshold_s and gap <= earliest)
 
 
 @kernel
 def near(tlc, gap, c):  # type: ignore[no-untyped-def]
     """Whether a warning may be due one step later, as before any true warning."""
-    return tlc <= c.threshold + c.confirm or gap <= 2.0 * c.edge
+    return tlc <= c.threshold_s + c.confirm_s or gap <= 2.0 * c.edge_m
 
 
 @kernel
@@ -55,7 +55,7 @@ def painted(border, other, c):  # type: ignore[no-untyped-def]
     Both in metres driven since paint was seen nearby. A border whose paint is worn off stands where the other
     one and the lane's width place it; but one whose paint was never nearby since the lane was found does not.
     """
-    return min(border, other) <= c.unseen and border < math.inf
+    return min(border, other) <= c.unseen_m and border < math.inf
 
 
 @kernel
@@ -68,16 +68,16 @@ def step(state, crossing, drift, settled, shift, unseen, speed, signal, c, new, 
     """
     for i in range(speed.size):
         v, code = speed[i], READY
-        fast = v >= (c.speed_off if state.fast[i] else c.speed_on)
+        fast = v >= (c.speed_off_mps if state.fast[i] else c.speed_on_mps)
         seen = not math.isnan(crossing.tlc_s[i])
         if not fast:
             code = INACTIVE
         elif not seen:
             code = LANE_NOT_SEEN
-        active, since = state.active[i], state.since_s[i] + c.step
+        active, since = state.active[i], state.since_s[i] + c.step_s
         served_left, served_right = state.served_left[i], state.served_right[i]
-        hold_left = c.signal_hold if signal[i] > 0 else state.hold_left_s[i] - c.step
-        hold_right = c.signal_hold if signal[i] < 0 else state.hold_right_s[i] - c.step
+        hold_left = c.signal_hold_s if signal[i] > 0 else state.hold_left_s[i] - c.step_s
+        hold_right = c.signal_hold_s if signal[i] < 0 else state.hold_right_s[i] - c.step_s
         crossed = state.crossed[i]
         if shift[i] != 0:
             crossed = -1 if shift[i] > 0 else 1
@@ -89,15 +89,15 @@ def step(state, crossing, drift, settled, shift, unseen, speed, signal, c, new, 
         if seen:
             left, right = crossing.left_s[i], crossing.right_s[i]
             gap_left, gap_right = crossing.gap_left_m[i], crossing.gap_right_m[i]
-            sure = settled[i] >= c.consistent - 1e-9
+            sure = settled[i] >= c.consistent_s - 1e-9
             due_left = sure and due(left, gap_left, drift[i], c) and state.near_left[i]
             due_right = sure and due(right, gap_right, -drift[i], c) and state.near_right[i]
             due_left = due_left and painted(unseen[0][i], unseen[1][i], c)
             due_right = due_right and painted(unseen[1][i], unseen[0][i], c)
             near_left, near_right = near(left, gap_left, c), near(right, gap_right, c)
             # Back inside: by rearm_gap at any time, or by edge if the last warning is long ago.
-            inside = c.edge if since >= c.rearm_time - 1e-9 else c.rearm_gap
-            clear = c.threshold + c.hysteresis
+            inside = c.edge_m if since >= c.rearm_s - 1e-9 else c.rearm_gap_m
+            clear = c.threshold_s + c.hysteresis_s
             # The border just crossed counts again once the wheel is past it and moves on.
             over_left = crossed > 0 and gap_left > 0.0 and drift[i] < 0.0
             over_right = crossed < 0 and gap_right > 0.0 and drift[i] > 0.0
@@ -113,10 +113,10 @@ def step(state, crossing, drift, settled, shift, unseen, speed, signal, c, new, 
             gap = gap_left if active > 0 else gap_right
             time = left if active > 0 else right
             outward = drift[i] * active
-            over = shift[i] != 0 or gap < -c.latest
-            goes_on = (time <= c.threshold + c.hysteresis and outward > -c.least_drift) or gap <= 0.0
-            timely = since < c.most_time - 1e-9
-            if not fast or not timely or (since >= c.least_time - 1e-9 and (over or not goes_on)):
+            over = shift[i] != 0 or gap < -c.latest_m
+            goes_on = (time <= c.threshold_s + c.hysteresis_s and outward > -c.least_drift_mps) or gap <= 0.0
+            timely = since < c.most_duration_s - 1e-9
+            if not fast or not timely or (since >= c.least_duration_s - 1e-9 and (over or not goes_on)):
                 active = 0
         if active == 0 and fast and seen:
             if due_left and not served_left:
@@ -133,7 +133,7 @@ def step(state, crossing, drift, settled, shift, unseen, speed, signal, c, new, 
             code = WARNING_LEFT if active > 0 else WARNING_RIGHT
             gap = gap_left if active > 0 else gap_right
             time = left if active > 0 else right
-            level = 2 if gap <= 0.0 or time <= c.urgent else 1
+            level = 2 if gap <= 0.0 or time <= c.urgent_s else 1
 
         new.crossed[i] = crossed
         new.fast[i], new.active[i], new.since_s[i] = fast, active, since
