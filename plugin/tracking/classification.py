@@ -7,7 +7,7 @@ from pydantic import Field
 
 from plugin.tracking.classification_kernels import ClassRules
 from sumo_net.arrays import Array
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 
 NAMES = (
     "unclassified",
@@ -65,5 +65,4 @@ def moving_threshold(options: ClassSettings, speed_mps: Array, acceleration_mps2
 
 def rules(options: ClassSettings) -> ClassRules:
     """The kernel's view of the settings; its step is `classification_kernels.advance`."""
-    o = options
-    return ClassRules(o.settle_cycles, o.stop_cycles, o.go_cycles, o.near_zero_mps, o.oncoming_speed_mps)
+    return kernel_view(ClassRules, options)

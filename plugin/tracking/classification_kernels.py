@@ -15,8 +15,8 @@ class ClassRules(NamedTuple):
     settle_cycles: int
     stop_cycles: int
     go_cycles: int
-    near_zero: float  # m/s
-    oncoming: float  # m/s, V_x
+    near_zero_mps: float
+    oncoming_speed_mps: float  # V_x
 
 
 @kernel
@@ -35,18 +35,18 @@ def advance(state, candidate, count, speed, measured, moving, p):  # type: ignor
             needed = p.settle_cycles
             if v >= moving[t]:
                 target = SAME_DIRECTION
-            elif v <= p.oncoming:
+            elif v <= p.oncoming_speed_mps:
                 target = ONCOMING
             else:
                 target = STATIONARY
         elif now in (SAME_DIRECTION, ONCOMING):
             needed = p.stop_cycles
-            if abs(v) <= p.near_zero or p.oncoming < v < moving[t]:
+            if abs(v) <= p.near_zero_mps or p.oncoming_speed_mps < v < moving[t]:
                 # Text ii of the patent prints 'was same direction' for both; its description has the pair.
                 target = STOPPED_SAME if now == SAME_DIRECTION else STOPPED_ONCOMING
         elif v > moving[t]:
             target = SAME_DIRECTION
-        elif v < p.oncoming:
+        elif v < p.oncoming_speed_mps:
             target = ONCOMING
         if target == now or not np.isfinite(v):
             count[t] = 0

@@ -23,7 +23,7 @@ from plugin.tracking.rear_view import RearView
 from plugin.tracking.tracker import TrackList
 from sumo_net.arrays import Array
 from sumo_net.batch import select
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 
 _STATES = 4
 
@@ -78,18 +78,18 @@ class ClosingNumbers(NamedTuple):
     """Closing as kernels take it."""
 
     markov: Array  # (r, r) for 0.1 s
-    sigma: Array  # (r,) m/s²
-    time: Array  # (r,) s
-    range_noise: float
-    rate_noise: float
-    width: float
-    width_std: float
-    width_walk: float  # m/√s
+    acceleration_mps2: Array  # (r,)
+    time_s: Array  # (r,)
+    range_std_m: float  # of a detection
+    rate_std_mps: float
+    width_m: float
+    width_std_m: float
+    width_walk_m: float  # in a second
     edge_px: float
     edge_share: float
     gate: float
-    ahead: float  # m, radar ahead of the camera
-    focal: float
+    ahead_m: float  # of the camera: the radar
+    focal_px: float
 
 
 class ClosingState(NamedTuple):
@@ -111,25 +111,21 @@ class ClosingFilter:
         self, options: Closing, noise: RadarNoise, mount_forward_m: float, projection: Projection
     ) -> None:
         self.options = options
-        self._numbers = ClosingNumbers(
-            markov_of(options.stay, len(options.acceleration_mps2)),
-            np.array(options.acceleration_mps2),
-            np.array(options.time_s),
-            noise.range_m,
-            noise.range_rate_mps,
-            options.width_m,
-            options.width_std_m,
-            options.width_walk_m,
-            options.edge_px,
-            options.edge_share,
-            options.gate,
-            mount_forward_m - projection.forward,
-            projection.focal,
+        self._numbers = kernel_view(
+            ClosingNumbers,
+            options,
+            markov=markov_of(options.stay, len(options.acceleration_mps2)),
+            acceleration_mps2=np.array(options.acceleration_mps2),
+            time_s=np.array(options.time_s),
+            range_std_m=noise.range_m,
+            rate_std_mps=noise.range_rate_mps,
+            ahead_m=mount_forward_m - projection.forward,
+            focal_px=projection.focal,
         )
 
     def init(self) -> ClosingState:
         """State without leaders."""
-        r = len(self._numbers.sigma)
+        r = len(self._numbers.acceleration_mps2)
         nobody = np.zeros(0, np.int64)
         return ClosingState(
             nobody,

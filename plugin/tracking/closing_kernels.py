@@ -41,10 +41,10 @@ def _spread(P, h, variance):  # type: ignore[no-untyped-def]
 @kernel
 def _width_row(x, width_px, p, h):  # type: ignore[no-untyped-def]
     """Innovation of a width in the image; h (4,) gets the row of its derivatives."""
-    depth = max(x[RANGE] + p.ahead, _NEAREST_M)
-    expected = p.focal * x[WIDTH] / depth
+    depth = max(x[RANGE] + p.ahead_m, _NEAREST_M)
+    expected = p.focal_px * x[WIDTH] / depth
     h[:] = 0.0
-    h[RANGE], h[WIDTH] = -expected / depth, p.focal / depth
+    h[RANGE], h[WIDTH] = -expected / depth, p.focal_px / depth
     return width_px - expected
 
 
@@ -67,7 +67,9 @@ def step(x, P, mu, own_before, misfits, own, z_range, z_rate, width_px, doubt_px
             continue
         _mix(x[t], P[t], mu[t], p.markov, x0, P0, log_mu)
         for j in range(r):
-            _predict(x[t, j], P[t, j], x0[j], P0[j], p.time[j], p.sigma[j], d, p.width_walk, F, A)
+            _predict(
+                x[t, j], P[t, j], x0[j], P0[j], p.time_s[j], p.acceleration_mps2[j], d, p.width_walk_m, F, A
+            )
             driven = 0.5 * (own[t] + own_before[t]) * d
             x[t, j, RANGE] = max(x[t, j, RANGE] - driven, _NEAREST_M)
         own_before[t] = own[t]
@@ -141,13 +143,13 @@ def _measure_echo(x, P, z_range, z_speed, p, h, log_mu):  # type: ignore[no-unty
     _row(h, RANGE)
     for j in range(len(x)):
         y = z_range - x[j, RANGE]
-        fits = fits or y * y < p.gate * _spread(P[j], h, p.range_noise**2)
+        fits = fits or y * y < p.gate * _spread(P[j], h, p.range_std_m**2)
     for j in range(len(x)):
         if fits:
             _row(h, RANGE)
-            log_mu[j] += _update(x[j], P[j], z_range - x[j, RANGE], h, p.range_noise**2)
+            log_mu[j] += _update(x[j], P[j], z_range - x[j, RANGE], h, p.range_std_m**2)
         _row(h, SPEED)
-        log_mu[j] += _update(x[j], P[j], z_speed - x[j, SPEED], h, p.rate_noise**2)
+        log_mu[j] += _update(x[j], P[j], z_speed - x[j, SPEED], h, p.rate_std_mps**2)
 
 
 @kernel
@@ -170,8 +172,8 @@ def _measure_width(x, P, width_px, doubt_px, misfits, p, h, log_mu):  # type: ig
         if misfits >= MISFITS:  # the learned width was another body's: start again
             P[j, WIDTH, :] = 0.0
             P[j, :, WIDTH] = 0.0
-            P[j, WIDTH, WIDTH] = p.width_std**2
-            x[j, WIDTH] = p.width
+            P[j, WIDTH, WIDTH] = p.width_std_m**2
+            x[j, WIDTH] = p.width_m
         if fits:
             y = _width_row(x[j], width_px, p, h)
             log_mu[j] += _update(x[j], P[j], y, h, variance)
@@ -225,7 +227,7 @@ def follow(state, tracks, detections, sensor, view, in_path, d, camera, p):  # t
     last are range, range rate, x, y, v_x, v_y, a_x and a_y.
     """
     row, before = _leaders(state, tracks, in_path)
-    count, r, e = len(row), len(p.sigma), tracks.estimate
+    count, r, e = len(row), len(p.acceleration_mps2), tracks.estimate
     owner, track_id = np.empty(count, np.int64), np.empty(count, np.int64)
     x, P, mu = np.empty((count, r, _N)), np.zeros((count, r, _N, _N)), np.empty((count, r))
     misfits, fresh = np.zeros(count, np.int64), np.empty(count, np.bool_)
@@ -242,9 +244,9 @@ def follow(state, tracks, detections, sensor, view, in_path, d, camera, p):  # t
             for j in range(r):
                 mu[k, j] = 1.0 / r
                 x[k, j, RANGE], x[k, j, SPEED] = e.range_m[t], e.range_rate_mps[t] + own[k]
-                x[k, j, ACCELERATION], x[k, j, WIDTH] = 0.0, p.width
+                x[k, j, ACCELERATION], x[k, j, WIDTH] = 0.0, p.width_m
                 P[k, j, RANGE, RANGE] = P[k, j, SPEED, SPEED] = 0.5**2
-                P[k, j, ACCELERATION, ACCELERATION], P[k, j, WIDTH, WIDTH] = 2.0**2, p.width_std**2
+                P[k, j, ACCELERATION, ACCELERATION], P[k, j, WIDTH, WIDTH] = 2.0**2, p.width_std_m**2
             continue
         for j in range(r):
             mu[k, j] = state.mu[old, j]

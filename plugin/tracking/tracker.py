@@ -19,7 +19,7 @@ from plugin.tracking.detections import Detections, EgoMotion, Estimate, SensorMo
 from plugin.tracking.filters import FilterName, FilterSettings, make
 from sumo_net.arrays import Array
 from sumo_net.batch import join, select
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 
 _LONGEST_HISTORY = 60
 
@@ -100,15 +100,7 @@ class Tracker:
     def __init__(self, options: TrackerSettings) -> None:
         self.options = o = options
         self._filter = make(o.filter, o.filters)
-        self._rules = kernels.TrackRules(
-            o.confirm_hits,
-            o.confirm_scans,
-            o.coast_s,
-            o.nearest_m,
-            o.furthest_m,
-            o.fastest_mps,
-            classification.rules(o.classes),
-        )
+        self._rules = kernel_view(kernels.TrackRules, o, classes=classification.rules(o.classes))
 
     def init(self, n: int) -> TrackerState:
         """n vehicles without tracks."""

@@ -14,10 +14,10 @@ class TrackRules(NamedTuple):
 
     confirm_hits: int
     confirm_scans: int
-    coast: float  # s
-    nearest: float  # m
-    furthest: float  # m
-    fastest: float  # m/s
+    coast_s: float
+    nearest_m: float
+    furthest_m: float
+    fastest_mps: float
     classes: ClassRules
 
 
@@ -75,9 +75,9 @@ def settle(tracks, classes, next_id, chosen, begun, place, order, estimates, dt,
         chances = max(rules.confirm_scans - tracks.age[t] - 1, 0)
         hopeful = confirmed[t] or hits + chances >= rules.confirm_hits
         distance = estimates[0, t]  # NaN fails every comparison
-        near = distance > rules.nearest and distance < rules.furthest
-        slow = abs(estimates[5, t]) + abs(estimates[6, t]) < rules.fastest
-        alive[t] = hopeful and unseen[t] <= rules.coast + 1e-9 and near and slow
+        near = distance > rules.nearest_m and distance < rules.furthest_m
+        slow = abs(estimates[5, t]) + abs(estimates[6, t]) < rules.fastest_mps
+        alive[t] = hopeful and unseen[t] <= rules.coast_s + 1e-9 and near and slow
         if alive[t] and tracks.label[t] >= 0 and not seen:
             alive[t] = not _jumped(t, tracks, begun)
         kept += alive[t]
