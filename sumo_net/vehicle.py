@@ -52,6 +52,11 @@ class Vehicle:
         return self.front_axle_m + self.front_overhang_m
 
     @property
+    def rear_slip_s2pm(self) -> float:
+        """m l_f / (L k_r): slip angle of the rear axle per lateral acceleration in a steady turn."""
+        return self.mass_kg * self.front_axle_m / (self.wheelbase_m * self.rear_stiffness_npr)
+
+    @property
     def understeer(self) -> float:
         """K_u = m (l_r k_r − l_f k_f) / (L k_f k_r), s²/m (below eq. 13)."""
         k_f, k_r = self.front_stiffness_npr, self.rear_stiffness_npr

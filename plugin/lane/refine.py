@@ -7,6 +7,7 @@ seen or has become implausible is dropped, and the search is requested again. `p
 another lane replaces the tracked one.
 """
 
+import dataclasses
 import functools
 import math
 import threading
@@ -27,6 +28,7 @@ from plugin.lane.rival import RIVAL
 from plugin.lane.road_model import STATES, rows_to_read
 from sumo_net.arrays import Array
 from sumo_net.settings import kernel_view, settings
+from sumo_net.vehicle import Vehicle
 
 
 @settings
@@ -50,9 +52,13 @@ class Refine:
     noise_factor: float = Field(
         2.5, ge=0, description="least response of a ridge, in standard deviations of its noise"
     )
-    rear_axle_m: float = Field(1.06, ge=0, description="l_r, from the centre of gravity to the rear axle")
-    rear_slip_s2pm: float = Field(
-        0.0093, ge=0, description="m l_f / (L k_r): slip angle of the rear axle per lateral acceleration"
+    rear_axle_m: float | None = Field(
+        None, ge=0, description="l_r, from the centre of gravity to the rear axle; none: that of `vehicle`"
+    )
+    rear_slip_s2pm: float | None = Field(
+        None,
+        ge=0,
+        description="its slip angle per lateral acceleration; none: m l_f / (L k_r) of `vehicle`",
     )
     pitch_std_rad: float = Field(
         0.002, ge=0, description="standard deviation of the vehicle's pitch from the calibration"
@@ -200,12 +206,22 @@ def needs_search(state: LaneState) -> Array:
     return np.asarray(state.status == SEARCHING)
 
 
+def on_vehicle(refine: Refine, vehicle: Vehicle) -> Refine:
+    """The settings with the vehicle's rear axle, where they name none."""
+    axle_m, slip_s2pm = refine.rear_axle_m, refine.rear_slip_s2pm
+    return dataclasses.replace(
+        refine,
+        rear_axle_m=vehicle.rear_axle_m if axle_m is None else axle_m,
+        rear_slip_s2pm=vehicle.rear_slip_s2pm if slip_s2pm is None else slip_s2pm,
+    )
+
+
 @functools.lru_cache(maxsize=32)
 def tuning(refine: Refine, preview_m: float) -> Tuning:
-    """Kernel parameters of the tracker."""
+    """Kernel parameters of the tracker; on the default vehicle where the settings name no rear axle."""
     return kernel_view(
         Tuning,
-        refine,
+        on_vehicle(refine, Vehicle()),
         preview_m=preview_m,
         pitch_std_rad=max(refine.pitch_std_rad, 1e-6),
         pitch_keep=math.exp(-refine.step_s / refine.pitch_time_s),

@@ -8,12 +8,16 @@ from rendered_drive import Drive
 from scipy.integrate import solve_ivp
 
 from camera_synth.camera import Camera, image_from_vehicle, projection
+from plugin.configuration import Configuration
 from plugin.lane import lane_motion, refine, refine_fit, road_model
 from plugin.lane.cholesky import invert
+from plugin.lane.detector import LaneTracker
 from plugin.lane.estimate import BORDER_Y
 from plugin.lane.hidden import nothing_hidden
 from plugin.lane.refine import Refine, init, needs_search, step
+from plugin.vision import Vision
 from sumo_net.batch import join, select
+from sumo_net.vehicle import Vehicle
 
 CAMERA = Camera()
 P = projection(CAMERA)
@@ -314,3 +318,25 @@ def test_wrong_sizes_are_named():
         step(np.zeros((1, 240, 321), np.uint8), None, None, init(1), P, np.zeros(1), Refine())
     with pytest.raises(ValueError, match="lane_width_m = 9"):
         Refine(lane_width_m=9.0)
+
+
+def test_the_rear_axle_is_that_of_the_vehicle() -> None:
+    car = Vehicle(rear_axle_m=1.6, front_axle_m=1.2, mass_kg=2000.0, rear_stiffness_npr=90_000.0)
+    found = refine.on_vehicle(Refine(), car)
+    v, m, lf, lr = 30.0, car.mass_kg, car.front_axle_m, car.rear_axle_m
+    kf, kr = car.front_stiffness_npr, car.rear_stiffness_npr
+    # a steady turn of the single-track model: lateral forces and moments at 0.01 rad
+    balance = np.array(
+        [[kf + kr, lf * kf - lr * kr + m * v * v], [lf * kf - lr * kr, lf * lf * kf + lr * lr * kr]]
+    )
+    lateral_mps, yaw_rps = np.linalg.solve(balance / v, 0.01 * np.array([kf, lf * kf]))
+    assert lateral_mps / yaw_rps == pytest.approx(found.rear_axle_m - found.rear_slip_s2pm * v * v)
+    own = refine.on_vehicle(Refine(rear_axle_m=0.0, rear_slip_s2pm=0.0), car)
+    assert (own.rear_axle_m, own.rear_slip_s2pm) == (0.0, 0.0)
+
+
+def test_a_run_tracks_lanes_with_the_rear_axle_of_its_vehicle() -> None:
+    configuration = Configuration(vehicle=Vehicle(rear_axle_m=1.6))
+    detector = Vision(configuration, 1, beside=False)._detector
+    assert isinstance(detector, LaneTracker)
+    assert detector._settings.rear_axle_m == 1.6
