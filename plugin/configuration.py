@@ -11,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field, TypeAdapter, model_validator
 
 from camera_synth.camera import Camera
 from camera_synth.condition import PRESETS, Condition, preset_settings
@@ -21,7 +21,7 @@ from plugin.events import Matching
 from plugin.lane.detector import LaneDetector
 from plugin.lane.genetic import GeneticSearch
 from plugin.lane.geometry import Plausibility
-from plugin.lane.refine import Refine
+from plugin.lane.refine import Refine, on_vehicle
 from plugin.motion.observer import ObserverSettings
 from plugin.motion.prediction import PredictionSettings
 from plugin.reaction import Reaction
@@ -35,6 +35,7 @@ from sumo_net.driver import Driver
 from sumo_net.roadside import Roadside
 from sumo_net.scenario import Scenario, laid_over, scenario_mapping
 from sumo_net.settings import SettingsError, read, read_json, read_toml, settings
+from sumo_net.step import STEP_S
 from sumo_net.vehicle import Vehicle
 
 
@@ -70,6 +71,15 @@ class Configuration(Scenario):
     recording: Recording = Field(default_factory=Recording)
     matching: Matching = Field(default_factory=Matching, description="of departure warnings to crossings")
 
+    @model_validator(mode="after")
+    def _lanes_step(self) -> "Configuration":
+        if self.refine.step_s != STEP_S:
+            raise ValueError(
+                f"refine.step_s = {self.refine.step_s}: must be {STEP_S:g}, the step of a run; "
+                "footage has a step of its own"
+            )
+        return self
+
     @property
     def hash(self) -> str:
         """SHA-256 over all settings, the same for equal settings on every machine."""
@@ -80,6 +90,11 @@ class Configuration(Scenario):
     def observing(self) -> ObserverSettings:
         """The observer's settings in this run's mode."""
         return dataclasses.replace(self.observer, mode=self.mode)
+
+    @property
+    def tracking_lanes(self) -> Refine:
+        """The lane tracker's settings on this run's vehicle."""
+        return on_vehicle(self.refine, self.vehicle)
 
     @property
     def following(self) -> Closing:

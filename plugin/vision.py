@@ -18,7 +18,6 @@ from plugin.lane.detector import Glance, LaneDetector, LaneTracker, PublishedSea
 from plugin.lane.estimate import BORDER_Y, Borders, LaneEstimate
 from plugin.lane.genetic import SearchState
 from plugin.lane.hidden import Bodies, hidden_by, nothing_hidden
-from plugin.lane.refine import on_vehicle
 from plugin.recognition_kernels import judge
 from plugin.tracking.rear_view import RearView, Watched, look, nobody_watched
 from plugin.truth import STRADDLING_M
@@ -93,8 +92,7 @@ class Vision:
     def _named(self, configuration: Configuration) -> LaneDetector[Any]:
         if configuration.mode == "paper":
             return self._published
-        settings = on_vehicle(configuration.refine, configuration.vehicle)
-        return LaneTracker(settings, self._published, configuration.camera)
+        return LaneTracker(configuration.tracking_lanes, self._published, configuration.camera)
 
     def _forward_m(self, y: float) -> float:
         forward, _ = vehicle_from_image(self._projection.center_x, float(y), self._projection)

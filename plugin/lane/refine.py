@@ -35,7 +35,7 @@ from sumo_net.vehicle import Vehicle
 class Refine:
     """Settings of the default lane tracker."""
 
-    step_s: float = Field(0.1, gt=0, le=1, description="time between frames")
+    step_s: float = Field(0.1, gt=0, le=1, description="time between frames; 0.1 in a run")
     marking_width_m: float = Field(
         0.15, gt=0, le=0.5, description="width of paint that the ridge filter expects"
     )

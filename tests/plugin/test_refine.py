@@ -8,7 +8,7 @@ from rendered_drive import Drive
 from scipy.integrate import solve_ivp
 
 from camera_synth.camera import Camera, image_from_vehicle, projection
-from plugin.configuration import Configuration
+from plugin.configuration import Configuration, configuration_from
 from plugin.lane import lane_motion, refine, refine_fit, road_model
 from plugin.lane.cholesky import invert
 from plugin.lane.detector import LaneTracker
@@ -17,6 +17,7 @@ from plugin.lane.hidden import nothing_hidden
 from plugin.lane.refine import Refine, init, needs_search, step
 from plugin.vision import Vision
 from sumo_net.batch import join, select
+from sumo_net.settings import SettingsError
 from sumo_net.vehicle import Vehicle
 
 CAMERA = Camera()
@@ -340,3 +341,8 @@ def test_a_run_tracks_lanes_with_the_rear_axle_of_its_vehicle() -> None:
     detector = Vision(configuration, 1, beside=False)._detector
     assert isinstance(detector, LaneTracker)
     assert detector._settings.rear_axle_m == 1.6
+
+
+def test_the_trackers_step_is_that_of_a_run() -> None:
+    with pytest.raises(SettingsError, match=r"refine.step_s = 0.05: must be 0.1"):
+        configuration_from({"refine": {"step_s": 0.05}})
