@@ -22,7 +22,7 @@ from plugin.lane.estimate import Borders
 from plugin.lane.genetic_kernels import search_kernel
 from plugin.lane.objective import Objective, blocks_below_horizon, check_frames, objective_numbers
 from sumo_net.arrays import Array
-from sumo_net.settings import settings
+from sumo_net.settings import kernel_view, settings
 
 Interval = tuple[float, float]
 
@@ -168,10 +168,10 @@ class SearchNumbers(NamedTuple):
     restarts: bool
     patience: int
     least_score: float
-    least_width: float
-    greatest_width: float
-    center: float
-    crossed_by: float
+    least_width_px: float
+    greatest_width_px: float
+    center_px: float
+    crossed_by_px: float
 
 
 class SearchState(NamedTuple):
@@ -203,24 +203,19 @@ def search_numbers(search: GeneticSearch) -> SearchNumbers:
     bits = [
         [[bits_needed(w, m) for w, m in zip(row, DECIMALS, strict=True)] for row in side] for side in widths
     ]
-    restart = search.restart
-    return SearchNumbers(
-        search.population,
-        search.crossover_rate,
-        search.mutation_rate,
-        np.array(search.generations, np.int64),
-        search.transition_frames,
-        np.array(bits, np.int64),
-        first,
-        reach,
-        *objective_numbers(search.objective),
-        restart.enabled,
-        restart.patience,
-        restart.least_score,
-        restart.least_width_px,
-        restart.greatest_width_px,
-        restart.center_px,
-        restart.crossed_by_px,
+    return kernel_view(
+        SearchNumbers,
+        search.restart,
+        population=search.population,
+        crossover_rate=search.crossover_rate,
+        mutation_rate=search.mutation_rate,
+        generations=np.array(search.generations, np.int64),
+        transition_frames=search.transition_frames,
+        bits=np.array(bits, np.int64),
+        first=first,
+        reach=reach,
+        restarts=search.restart.enabled,
+        **objective_numbers(search.objective)._asdict(),
     )
 
 

@@ -289,9 +289,9 @@ def _lane_shift(age, border, numbers):  # type: ignore[no-untyped-def]
     """+1 if the last result's left border is right of the image's centre, -1 if its right border is left."""
     if not numbers.restarts or age[0] == 0 or age[1] == 0 or not plausible(border, numbers):
         return 0
-    if border[0, 2] > numbers.center + numbers.crossed_by:
+    if border[0, 2] > numbers.center_px + numbers.crossed_by_px:
         return 1
-    if border[1, 2] < numbers.center - numbers.crossed_by:
+    if border[1, 2] < numbers.center_px - numbers.crossed_by_px:
         return -1
     return 0
 
@@ -302,7 +302,7 @@ def plausible(border, numbers):  # type: ignore[no-untyped-def]
     top = 1.0 + BLOCK_PX * (numbers.blocks - 1)
     width = border[1, 2] - border[0, 2]
     rise = (border[1, 0] - border[0, 0]) * top + border[1, 1] - border[0, 1]
-    return numbers.least_width <= width <= numbers.greatest_width and width + rise * top > 0.0
+    return numbers.least_width_px <= width <= numbers.greatest_width_px and width + rise * top > 0.0
 
 
 @kernel
