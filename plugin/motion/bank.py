@@ -64,17 +64,17 @@ def schedule(
         A, B = preview_model(vehicle, max(v, STANDSTILL_MPS), preview_m)
         held.append(zero_order_hold(A, B, step_s))
     return BankSchedule(
-        np.array([transition for transition, _ in held]),
-        np.array([entry for _, entry in held]),
-        np.array([steady_gain(transition, drive, measured) for transition, _ in held]),
-        c.spacing_kmh / 3.6,
-        vehicle.understeer,
-        vehicle.wheelbase_m,
-        preview_m,
-        step_s,
-        coast_s,
-        c.kinematic_below_mps,
-        max(c.dynamic_above_mps, c.kinematic_below_mps + 0.1),
+        transition=np.array([transition for transition, _ in held]),
+        input=np.array([entry for _, entry in held]),
+        gain=np.array([steady_gain(transition, drive, measured) for transition, _ in held]),
+        spacing_mps=c.spacing_kmh / 3.6,
+        understeer_s2pm=vehicle.understeer,
+        wheelbase_m=vehicle.wheelbase_m,
+        preview_m=preview_m,
+        step_s=step_s,
+        coast_s=coast_s,
+        low_mps=c.kinematic_below_mps,
+        high_mps=max(c.dynamic_above_mps, c.kinematic_below_mps + 0.1),
     )
 
 

@@ -16,14 +16,14 @@ class BankSchedule(NamedTuple):
     transition: Array  # (m, 4, 4) Φ
     input: Array  # (m, 4, 2) G
     gain: Array  # (m, 4, 2) steady-state K of (v_y, γ, y_L, e_L) on (y_L, e_L)
-    spacing: float  # m/s between two observers
-    understeer: float
-    wheelbase: float
-    preview: float
-    step: float
-    coast: float
-    low: float  # m/s, begin of the handover from the kinematic to the dynamic steer
-    high: float  # m/s, its end
+    spacing_mps: float  # between two observers
+    understeer_s2pm: float
+    wheelbase_m: float
+    preview_m: float
+    step_s: float
+    coast_s: float
+    low_mps: float  # begin of the handover from the kinematic to the dynamic steer
+    high_mps: float  # its end
 
 
 class BankState(NamedTuple):
@@ -63,26 +63,30 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
         v = max(0.0, speed[i])
         y, e = lane.preview_offset_m[i], lane.preview_heading_rad[i]
         seen = lane.locked[i] and math.isfinite(y + e + lane.curvature_1pm[i])
-        unseen = 0.0 if seen else state.unseen[i] + s.step
-        running = math.isfinite(v) and (seen or (state.running[i] and unseen <= s.coast + 1e-9))
+        unseen = 0.0 if seen else state.unseen[i] + s.step_s
+        running = math.isfinite(v) and (seen or (state.running[i] and unseen <= s.coast_s + 1e-9))
         new.running[i], new.unseen[i] = running, unseen
         if not running:
             forget(i, new, out)
             continue
 
-        at = min(v / s.spacing, last - 1e-9)
+        at = min(v / s.spacing_mps, last - 1e-9)
         j = int(at)
         width, shift = state.width[i], lane.lane_shift[i]
         curvature, steer, before = state.curvature[i], state.steer[i], state.heading[i]
         if seen:
             curvature, width = lane.curvature_1pm[i], lane.lane_width_m[i]
             if state.running[i] and state.unseen[i] == 0.0:
-                steer = front_steer(curvature, e, before, v, s.understeer, s.wheelbase, s.step, s.low, s.high)
+                steer = front_steer(
+                    curvature, e, before, v, s.understeer_s2pm, s.wheelbase_m, s.step_s, s.low_mps, s.high_mps
+                )
             before = e
 
         if not state.running[i]:
             shift = 0  # no earlier lane to refer to; the car is assumed to follow the road
-            steer = front_steer(curvature, e, e, v, s.understeer, s.wheelbase, s.step, s.low, s.high)
+            steer = front_steer(
+                curvature, e, e, v, s.understeer_s2pm, s.wheelbase_m, s.step_s, s.low_mps, s.high_mps
+            )
             new.lower[i, 0], new.lower[i, 1] = 0.0, v * curvature
             new.lower[i, 2], new.lower[i, 3] = y, e
             for r in range(4):
@@ -98,7 +102,7 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
             observe(second, j + 1, s, steer, curvature, seen, y, e, new.upper[i])
         settled = 0.0
         if state.running[i]:
-            settled = state.settled[i] + s.step
+            settled = state.settled[i] + s.step_s
         new.settled[i] = out.settled_s[i] = settled
         new.below[i], new.steer[i], new.curvature[i] = j, steer, curvature
         new.width[i], new.heading[i] = width, before
@@ -109,8 +113,8 @@ def step(state, s, lane, speed, new, out):  # type: ignore[no-untyped-def]
         out.lateral_speed_mps[i] = w * new.upper[i, 0] + (1.0 - w) * new.lower[i, 0]  # eq. 22, corrected
         out.yaw_rate_rps[i] = w * new.upper[i, 1] + (1.0 - w) * new.lower[i, 1]
         out.steer_rad[i], out.quick_steer_rad[i] = steer, 0.0
-        out.lateral_offset_m[i] = -offset + heading * s.preview - 0.5 * curvature * s.preview**2
-        out.heading_error_rad[i] = curvature * s.preview - heading
+        out.lateral_offset_m[i] = -offset + heading * s.preview_m - 0.5 * curvature * s.preview_m**2
+        out.heading_error_rad[i] = curvature * s.preview_m - heading
         out.curvature_1pm[i], out.curvature_rate_1pm2[i] = curvature, 0.0
         out.lane_width_m[i], out.lane_shift[i] = width, shift
 

@@ -25,7 +25,7 @@ def schedule():
 
 
 def test_one_observer_each_10_kmh(schedule):
-    assert schedule.spacing == pytest.approx(10 / 3.6)
+    assert schedule.spacing_mps == pytest.approx(10 / 3.6)
     A, B = preview_model(HALF, 80 / 3.6, PREVIEW_M)
     transition, entry = zero_order_hold(A, B, 0.1)
     assert schedule.transition[8] == pytest.approx(transition)
