@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from analysis.metrics import CATEGORIES
+from analysis.summary import lateral_cm, number
 from plugin.truth import HORIZONS_S
 
 
@@ -71,16 +72,12 @@ def figures(results: pd.DataFrame) -> Table:
 
 
 def _cells(row: dict[Any, Any], line: Line) -> tuple[str, str]:
-    measured = _number(row["measured"], line.scale, line.decimals)
+    measured = number(line.scale * row["measured"], line.decimals)
     if pd.isna(row["wanted"]):
         return measured, ""
     bound = f"{'≥' if row['at_least'] else '≤'} {line.scale * row['wanted']:g}"
     reached = row["reached"] or math.isnan(row["measured"])  # nothing to judge: no conflict was due
     return measured, bound if reached else f"[bold]{bound} NOT[/bold]"
-
-
-def _number(value: float, scale: float, decimals: int) -> str:
-    return "–" if math.isnan(value) else f"{scale * value:.{decimals}f}"
 
 
 def path_errors(errors: pd.DataFrame, condition: str) -> Table:
@@ -99,14 +96,8 @@ def path_errors(errors: pd.DataFrame, condition: str) -> Table:
     chosen = errors[errors["horizon_s"] == horizon_s].set_index("category")
     for name in ("all", *CATEGORIES):
         if name in chosen.index:
-            row = chosen.loc[name]
-            table.add_row(
-                name.replace("_", " "),
-                *(
-                    f"{100 * row[f'{label}_median_m']:.1f} / {100 * row[f'{label}_p95_m']:.1f}"
-                    for label in references
-                ),
-            )
+            row = chosen.loc[name].to_dict()
+            table.add_row(name.replace("_", " "), *(lateral_cm(row, label) for label in references))
     return table
 
 

@@ -13,9 +13,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from analysis.warm_up import compiling
 from plugin.assistance import DriverAssistance
-from plugin.configuration import CONFIGURATION, Configuration, load_configuration
+from plugin.configuration import CONFIGURATION, Configuration, load_configuration, read_configuration
 from sumo_net.scenario import PreparedRun, prepare
-from sumo_net.settings import read_json
 from sumo_net.traffic import Traffic, TrafficError
 
 
@@ -126,10 +125,11 @@ def repeated(scenario: str) -> tuple[str, bool]:
 
     Any other scenario: itself, and False.
     """
-    if Path(scenario).name != CONFIGURATION:
+    path = Path(scenario)
+    if path.name != CONFIGURATION:
         return scenario, False
-    content = read_json(Path(scenario))
-    return str(content.get("scenario") or scenario), bool(content.get("compare_paper"))
+    run = read_configuration(path.parent)
+    return run.scenario or scenario, run.compare_paper
 
 
 def name_of(scenario: str) -> str:

@@ -1,7 +1,9 @@
 """The summary of a run on the terminal."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -42,7 +44,7 @@ def _figures(f: dict[str, float]) -> Table:
             (
                 "  warned before",
                 f"{f['departures_warned']:.0f} of {f['departures_due']:.0f} due, "
-                f"median {_number(f['median_lead_time_s'])} s before",
+                f"median {number(f['median_lead_time_s'])} s before",
             ),
             ("  missed", f"{f['departures_missed']:.0f}"),
         ]
@@ -60,8 +62,7 @@ def _figures(f: dict[str, float]) -> Table:
     rows.append(
         (
             "lane error (RMS)",
-            f"{_number(100.0 * f['lateral_offset_rmse_m'], 1)} cm, "
-            f"{_number(1e3 * f['heading_rmse_rad'])} mrad",
+            f"{number(100.0 * f['lateral_offset_rmse_m'], 1)} cm, {number(1e3 * f['heading_rmse_rad'])} mrad",
         )
     )
     if f["tlc_steps"]:
@@ -108,11 +109,7 @@ def _predictions(f: dict[str, float]) -> Table:
     for horizon in HORIZONS_S:
         table.add_column(f"{horizon:.1f} s", justify="right")
     for label in ERRORS:
-        cells = [
-            f"{_number(100.0 * f[f'{label}_error_{h:.1f}s_median_m'], 1)} / "
-            f"{_number(100.0 * f[f'{label}_error_{h:.1f}s_p95_m'], 1)}"
-            for h in HORIZONS_S
-        ]
+        cells = [lateral_cm(f, f"{label}_error_{h:.1f}s") for h in HORIZONS_S]
         table.add_row(_LABELS[label], *cells)
     table.caption = "median / 95th percentile"
     table.caption_justify = "left"
@@ -121,14 +118,20 @@ def _predictions(f: dict[str, float]) -> Table:
 
 def _time_error(f: dict[str, float], name: str) -> str:
     median, p95 = (f[f"{name}_error_{part}_s"] for part in ("median", "p95"))
-    words = "median not predicted" if math.isinf(median) else f"median {_number(median)} s"
+    words = "median not predicted" if math.isinf(median) else f"median {number(median)} s"
     if math.isinf(p95):
         steps = f[f"{name.split('_')[0]}_steps"]
         return f"{words}, none predicted in {f[f'{name}_unforeseen_rate'] * steps:.0f} of {steps:.0f} steps"
-    return f"{words}, 95th percentile {_number(p95)} s"
+    return f"{words}, 95th percentile {number(p95)} s"
 
 
-def _number(value: float, decimals: int = 2) -> str:
+def lateral_cm(figures: Mapping[Any, float], name: str) -> str:
+    """Median and 95th percentile in cm, of figures in m."""
+    return " / ".join(number(100.0 * figures[f"{name}_{part}_m"], 1) for part in ("median", "p95"))
+
+
+def number(value: float, decimals: int = 2) -> str:
+    """As text; a dash for NaN."""
     return "–" if math.isnan(value) else f"{value:.{decimals}f}"
 
 

@@ -7,6 +7,7 @@ their own, `LaneGraph.against`: the same place, in their driving direction, left
 import numpy as np
 
 from sumo_net.arrays import Array
+from sumo_net.batch import longer
 from sumo_net.lane_graph import LaneGraph
 from sumo_net.snapshot import Snapshot
 from sumo_net.traffic import Traffic
@@ -25,21 +26,22 @@ class OppositeLanes:
         self._against = len(number) + np.arange(len(known), dtype=np.int32)
         self._length_m = np.array([graph.lanes[lane].length_m for _, lane in known])
         traffic.lane_ids.extend(lane for _, lane in known)
-        self._turned: dict[int, tuple[int, bool]] = {}  # by handle: the lane looked at last, and the answer
+        self._looked = np.zeros(0, np.int64)  # by handle: place in _lane of the present lane, -1 for none
+        self._turned = np.zeros(0, np.bool_)  # by handle: whether it drives against that lane
 
     def step(self, snapshot: Snapshot) -> Snapshot:
         """The snapshot with such vehicles on the lanes of `LaneGraph.against`."""
         if not len(self._lane):
             return snapshot
         at = np.minimum(np.searchsorted(self._lane, snapshot.lane), len(self._lane) - 1)
-        rows = np.flatnonzero(self._lane[at] == snapshot.lane)
-        handles = snapshot.handle[rows].tolist()
-        known, self._turned = self._turned, {}
-        for handle, k in zip(handles, at[rows].tolist(), strict=True):
-            before = known.get(handle)
-            turned = before[1] if before is not None and before[0] == k else self._is_turned(handle, k)
-            self._turned[handle] = k, turned
-        rows = rows[[self._turned[handle][1] for handle in handles]]
+        handles = snapshot.handle
+        self._looked = longer(self._looked, int(handles.max(initial=-1)) + 1, -1)
+        self._turned = longer(self._turned, len(self._looked))
+        at[self._lane[at] != snapshot.lane] = -1
+        for i in np.flatnonzero((at >= 0) & (at != self._looked[handles])).tolist():
+            self._turned[handles[i]] = self._is_turned(int(handles[i]), int(at[i]))
+        self._looked[handles] = at
+        rows = np.flatnonzero((at >= 0) & self._turned[handles])
         if not len(rows):
             return snapshot
         lane, position = snapshot.lane.copy(), snapshot.lane_position_m.copy()
@@ -49,10 +51,9 @@ class OppositeLanes:
 
     def of_lane(self, handle: Array, left_m: Array) -> Array:
         """Offsets (n,) of vehicles to their left, as offsets left of SUMO's lanes in the lanes' direction."""
-        if not self._turned:
+        if not len(self._lane):
             return left_m
-        turned = np.array([self._turned.get(one, (-1, False))[1] for one in handle.tolist()], np.bool_)
-        return np.where(turned, -left_m, left_m)
+        return np.where(self._turned[handle] & (self._looked[handle] >= 0), -left_m, left_m)
 
     def _is_turned(self, handle: int, k: int) -> bool:
         # the route has the vehicle's own edge first; on a junction, the one before it
