@@ -19,7 +19,7 @@ import functools
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import codegen
@@ -28,10 +28,14 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from sumo_net.kernel_sources import parts, stamp
 
 try:
+    from sumo_net.checked_arguments import direct
     from sumo_net.inner_compiler import InnerCompiler, OuterCompiler
 except ImportError:  # another version of numba: the same results, but slower
     _OUTER: dict[str, Any] = {}
     _INNER: dict[str, Any] = {}
+
+    def direct(dispatcher: Any) -> Callable[..., Any] | None:
+        """None: versions do not check their arguments."""
 else:
     _OUTER, _INNER = {"pipeline_class": OuterCompiler}, {"pipeline_class": InnerCompiler}
 
@@ -50,7 +54,7 @@ if _numba.CPU_FEATURES is None:  # else the user has set NUMBA_CPU_FEATURES
 
 _COMPILED_BY = tuple(
     stamp(str(Path(__file__).with_name(f"{name}.py")))
-    for name in ("compile", "inner_compiler", "borrowed_arrays", "call_types")
+    for name in ("compile", "inner_compiler", "borrowed_arrays", "call_types", "checked_arguments")
 )
 
 KERNELS: list[Any] = []  # of all modules imported so far
@@ -85,8 +89,35 @@ def _compiled(function: _F, options: dict[str, Any]) -> _F:
     inner = functools.cache(lambda: njit(**_OPTIONS, **_INNER, **options, no_cpython_wrapper=True)(function))
     compiled.get_call_template = lambda args, kws: inner().get_call_template(args, kws)
     compiled.get_overload = lambda sig: inner().get_overload(sig)
-    KERNELS.append(compiled)
-    return compiled
+    KERNELS.append(Kernel(compiled))
+    return cast(_F, KERNELS[-1])
+
+
+class Kernel:
+    """A compiled function. A call goes directly to its first version, if that fits the arguments."""
+
+    def __init__(self, dispatcher: Any) -> None:
+        """`dispatcher`: numba's object, which finds or compiles the version for given arguments."""
+        functools.update_wrapper(self, dispatcher.py_func)
+        self._dispatcher = dispatcher
+        self._numba_type_ = numba.types.Dispatcher(dispatcher)  # what numba takes it for in other kernels
+        self._call: Callable[..., Any] = self._first
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function."""
+        try:
+            return self._call(*arguments)
+        except TypeError:  # another version, or an error of the caller
+            return self._dispatcher(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        """Everything else is numba's."""
+        return getattr(self._dispatcher, name)
+
+    def _first(self, *arguments: Any) -> Any:
+        result = self._dispatcher(*arguments)
+        self._call = direct(self._dispatcher) or self._dispatcher
+        return result
 
 
 def kept() -> int:

@@ -13,13 +13,28 @@ import numba
 from numba.core.base import BaseContext
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import CompileResult
+from numba.core.cpu import CPUContext
+from numba.core.pythonapi import EnvironmentManager, PythonAPI
 
 from sumo_net.borrowed_arrays import BorrowingCompiler
+from sumo_net.checked_arguments import CheckingCompiler
 
 _USED: dict[type, tuple[str, ...]] = {
     JITCodeLibrary: ("_finalize_final_module", "_finalize_dynamic_globals", "_finalized", "codegen"),
     JITCPUCodegen: ("set_env",),
     BorrowingCompiler: ("compile_extra",),
+    CPUContext: ("get_python_api",),
+    PythonAPI: (
+        "unpack_tuple",
+        "get_env_manager",
+        "to_native_value",
+        "from_native_value",
+        "serialize_object",
+        "unserialize",
+        "numba_array_adaptor",
+        "nrt_adapt_ndarray_from_python",
+    ),
+    EnvironmentManager: ("add_const", "read_const"),
     BaseContext: ("subtarget", "enable_nrt"),
     CompileResult: ("_find_referenced_environments", "codegen"),
 }
@@ -55,7 +70,7 @@ class InnerCompiler(BorrowingCompiler):
         return super().compile_extra(func)
 
 
-class OuterCompiler(BorrowingCompiler):
+class OuterCompiler(CheckingCompiler):
     """The compiler of kernels that are called from Python and may contain those of InnerCompiler."""
 
     def compile_extra(self, func: Any) -> Any:
