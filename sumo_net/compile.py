@@ -110,6 +110,10 @@ class Kernel:
         except TypeError:  # another version, or an error of the caller
             return self._dispatcher(*arguments)
 
+    def __reduce__(self) -> str:
+        """Copied and pickled as functions are: by its name."""
+        return str(self.__qualname__)
+
     def __getattr__(self, name: str) -> Any:
         """Everything else is numba's."""
         return getattr(self._dispatcher, name)

@@ -1,5 +1,7 @@
 """A kernel that is called directly takes only arguments of its own types, as numba's `typeof` tells them."""
 
+import copy
+import pickle
 import sys
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -192,6 +194,11 @@ def test_nothing_is_kept_of_calls_or_refusals() -> None:
     del turned
     assert np.abs(np.subtract(next(objects), before)).max() < 100
     assert sys.getrefcount(np.ndarray) >= array
+
+
+def test_a_kernel_is_copied_and_pickled_by_its_name() -> None:
+    assert copy.deepcopy(_turned) is _turned
+    assert pickle.loads(pickle.dumps(_turned)) is _turned
 
 
 def test_objects_of_another_layout_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
