@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sumo_net.settings import SettingsError
-from sumo_net.xml_input import read_bounded, root_element
+from sumo_net.xml_input import is_packed, read_bounded, root_element
 
 _OUTPUT_OPTIONS = (
     "netstate-dump",
@@ -71,8 +71,12 @@ class Configuration:
     notes: tuple[str, ...]
 
 
-def prepare_configuration(source: Path, directory: Path, overrides: Mapping[str, str]) -> Configuration:
+def prepare_configuration(
+    source: Path, directory: Path, overrides: Mapping[str, str], length_s: float
+) -> Configuration:
     """Write `directory`/run.sumocfg from the user's `source`, with `overrides` (option: value) applied.
+
+    It ends `length_s` after the time at which the user's begins.
 
     Raises SettingsError where SUMO cannot read the configuration (with SUMO's message) or a file that it
     names is missing.
@@ -82,6 +86,11 @@ def prepare_configuration(source: Path, directory: Path, overrides: Mapping[str,
     if not options.get("net-file"):
         raise SettingsError(f"{source}: names no network (net-file)")
     _need_inputs(options, source)
+    try:
+        begin = seconds(options.get("begin", "0"))
+    except ValueError:
+        raise SettingsError(f"{source}: begin = '{options['begin']}': is not a time") from None
+    overrides = {**overrides, "end": f"{begin + length_s:g}"}
     notes = [
         f"{source.name}: {name} {options[name]} is overridden by {value}"
         for name, value in overrides.items()
@@ -94,7 +103,7 @@ def prepare_configuration(source: Path, directory: Path, overrides: Mapping[str,
     for name, value in list(options.items()):
         if name in _DROPPED_OPTIONS:
             del options[name]
-        elif (name.endswith("-output") or name in _OUTPUT_OPTIONS) and value:
+        elif writes(name) and value:
             options[name] = ",".join(_redirected(part, directory) for part in value.split(","))
     copies = _Copies(directory)
     for name in ("net-file", "additional-files", "route-files"):
@@ -107,10 +116,6 @@ def prepare_configuration(source: Path, directory: Path, overrides: Mapping[str,
         ET.SubElement(root, name, value=value)
     ET.indent(root)
     ET.ElementTree(root).write(file, encoding="UTF-8", xml_declaration=True)
-    try:
-        begin = seconds(options.get("begin", "0"))
-    except ValueError:
-        raise SettingsError(f"{source}: begin = '{options['begin']}': is not a time") from None
     return Configuration(file, Path(options["net-file"]), begin, tuple(notes))
 
 
@@ -121,6 +126,10 @@ def read_configuration(source: Path, directory: Path) -> dict[str, str]:
     if not source.is_file():
         raise SettingsError(f"{source}: no such file")
     _root(source)
+    if is_packed(source):
+        raise SettingsError(
+            f"{source}: is compressed, as SUMO reads networks and routes, but no configuration: gunzip it"
+        )
     program = next(iter(sorted((Path(sumo.SUMO_HOME) / "bin").glob("sumo*"))), None)
     if program is None:
         raise SettingsError(f"no sumo in {sumo.SUMO_HOME}/bin: pip install eclipse-sumo")
@@ -134,6 +143,11 @@ def read_configuration(source: Path, directory: Path) -> dict[str, str]:
     root = ET.parse(read).getroot()
     read.unlink()
     return {option.tag: option.get("value", "") for section in root for option in section}
+
+
+def writes(option: str) -> bool:
+    """Whether the value of an option of SUMO's names files that it writes."""
+    return option.endswith("-output") or option in _OUTPUT_OPTIONS
 
 
 def seconds(text: str) -> float:

@@ -23,6 +23,8 @@ from sumo_net.script import Actor, Manoeuvre, check_script
 from sumo_net.settings import SettingsError, read_json, read_toml, settings
 
 DEFAULT_SCENARIO = "highway"
+_CONFIGURATION_ENDINGS = (".sumocfg", ".sumocfg.gz")
+_SUMO_ENDINGS = (*_CONFIGURATION_ENDINGS, ".net.xml", ".net.xml.gz")
 REGRESSION = ".scenario.toml"  # such a file names a scenario and the expected results
 
 
@@ -122,10 +124,10 @@ def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[s
     path = Path(source)
     if "\0" in source:
         raise SettingsError(f"scenario {source!r}: is not a file name")
-    if source.endswith((".sumocfg", ".net.xml", ".net.xml.gz")) or format_of(path) is not None:
+    if path.name.endswith(_SUMO_ENDINGS) or format_of(path) is not None:
         if not path.is_file():
             raise SettingsError(f"{source}: no such file")
-        key = "configuration" if path.suffix == ".sumocfg" else "net_file"
+        key = "configuration" if path.name.endswith(_CONFIGURATION_ENDINGS) else "net_file"
         return {"title": path.name, key: str(path.resolve()), "warm_up_s": 0.0}, path
     if path.suffix == ".json":
         content = read_json(path)
@@ -138,12 +140,17 @@ def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[s
             )
         return mapping, path
     if path.suffix != ".toml":
+        if path.is_file():
+            raise SettingsError(
+                f"{source}: a scenario is a .toml, .sumocfg, .net.xml, .osm or .xodr file by its name; for a "
+                f"SUMO configuration of another name, write a .toml file with configuration = '{path.name}'"
+            )
         files = scenario_files()
         if source not in files:
             near = difflib.get_close_matches(source, files, n=1)
             hint = f"did you mean '{near[0]}'?" if near else f"built in are {', '.join(files)}"
             raise SettingsError(
-                f"no scenario '{source}': {hint} (or name a .toml, a .sumocfg or a .net.xml file)"
+                f"no scenario '{source}': {hint} (or name a .toml, .sumocfg, .net.xml, .osm or .xodr file)"
             )
         path = files[source]
     mapping = read_toml(path)
@@ -187,6 +194,7 @@ def prepare(scenario: Scenario, directory: Path) -> PreparedRun:
     directory.mkdir(parents=True, exist_ok=True)
     directory = directory.resolve()
     warm_up, recorded = round(scenario.warm_up_s * 10), max(1, round(scenario.duration_s * 10))
+    end = (warm_up + recorded) / 10
     options = {
         "step-length": "0.1",
         "seed": str(scenario.seed),
@@ -199,18 +207,11 @@ def prepare(scenario: Scenario, directory: Path) -> PreparedRun:
     if scenario.time_to_teleport_s is not None:
         options["time-to-teleport"] = f"{scenario.time_to_teleport_s:g}"
     if scenario.configuration:
-        done = prepare_configuration(Path(scenario.configuration), directory, options)
-        # The run's duration overrides the end that the configuration gives.
-        arguments: tuple[str, ...] = (
-            "-c",
-            str(done.file),
-            "--end",
-            f"{done.begin_s + (warm_up + recorded) / 10:.1f}",
-        )
+        done = prepare_configuration(Path(scenario.configuration), directory, options, end)
         read_net(done.net_file)
+        arguments: tuple[str, ...] = ("-c", str(done.file))
         return PreparedRun(arguments, done.net_file, done.begin_s, warm_up, recorded, done.notes)
     network = road(scenario, directory)
-    end = (warm_up + recorded) / 10
     routes = directory / "demand.rou.xml"
     placed = actor_lines(scenario.actors, network, warm_up / 10)
     if isinstance(network, BuiltNetwork):

@@ -62,6 +62,16 @@ class Done(NamedTuple):
     cause: str  # of the failure, '' if it succeeded
 
 
+class Resumed(NamedTuple):
+    """A campaign in its directory."""
+
+    plan: Plan  # cells numbered as they are there
+    missing: list[Run]
+    description: dict[str, Any]  # see `described`
+    mark: str  # hash of everything that the results depend on
+    grown: bool  # the runs there are those of a smaller campaign that this one contains
+
+
 def run(
     plan: Plan,
     out: Path | str,
@@ -79,14 +89,7 @@ def run(
     Raises SettingsError before anything is run or overwritten.
     """
     store = Store(out)
-    before = store.description()
-    plan = continued(plan, before)
-    description = described(plan, compare_paper)
-    what = f"{plan.hash} with the published search beside" if compare_paper else plan.hash
-    grown = contains(description, before)
-    store.check(what, grown)
-    there = store.done()
-    missing = [one for one in plan.runs if one.key not in there]
+    plan, missing, description, what, grown = resumed(plan, store, compare_paper)
     with _client(workers, scheduler) as client:
         if missing:
             _check_workers(client)  # before anything is written
@@ -97,6 +100,19 @@ def run(
         if missing:
             _work(client, plan, missing, store, compare_paper, tell)
     return store.failures()
+
+
+def resumed(plan: Plan, store: Store, compare_paper: bool = False) -> Resumed:
+    """What a campaign would still do in a store. Writes nothing; raises SettingsError as `Store.check`."""
+    before = store.description()
+    plan = continued(plan, before)
+    description = described(plan, compare_paper)
+    what = f"{plan.hash} with the published search beside" if compare_paper else plan.hash
+    grown = contains(description, before)
+    store.check(what, grown)
+    there = store.done()
+    missing = [one for one in plan.runs if one.key not in there]
+    return Resumed(plan, missing, description, what, grown)
 
 
 def _work(

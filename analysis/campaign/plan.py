@@ -18,6 +18,7 @@ from pydantic import Field
 
 from plugin.configuration import Configuration, configuration_from
 from plugin.schema import TABLES
+from sumo_net.configuration import writes
 from sumo_net.randomness import generator
 from sumo_net.scenario import laid_over, scenario_mapping
 from sumo_net.settings import SettingsError, read, read_toml, settings
@@ -127,6 +128,7 @@ class Run:
     scenario: str
     seed: int
     changes: Mapping[str, Any]  # nested, laid over the scenario
+    duration_s: float  # simulated time that is recorded
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +138,6 @@ class Plan:
     campaign: Campaign
     cells: tuple[Mapping[str, Any], ...]  # scenario and grid values by dotted name
     runs: tuple[Run, ...]
-    recorded_s: float  # simulated time of all runs
     settings: tuple[str, ...]  # hash of each run's settings, including the SUMO files that they name
 
     @property
@@ -188,7 +189,7 @@ def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") ->
     if count > MOST_RUNS:
         raise SettingsError(f"{source}: asks for {count} runs: at most {MOST_RUNS}")
     cells: list[dict[str, Any]] = []
-    runs, recorded, hashes = [], 0.0, []
+    runs, hashes = [], []
     contents, mapping = functools.cache(_contents), functools.cache(scenario_mapping)
     for scenario, values in itertools.product(scenarios, itertools.product(*campaign.grid.values())):
         cell = dict(zip(campaign.grid, values, strict=True))
@@ -200,28 +201,36 @@ def plan(campaign: Campaign, folder: Path = Path(), source: str = "campaign") ->
             for name, value in given.items():
                 _put(changes, name, value, source)
             checked = _check(mapping, scenario, changes, source, cell)
-            recorded += checked.duration_s
-            hashes.append(checked.hash + contents(checked.configuration) + contents(checked.net_file))
-            runs.append(Run(run_key(len(cells), seed), len(cells), scenario, seed, changes))
+            hashes.append(checked.hash + contents(checked.configuration, True) + contents(checked.net_file))
+            key = run_key(len(cells), seed)
+            runs.append(Run(key, len(cells), scenario, seed, changes, checked.duration_s))
         cells.append({"scenario": Path(scenario).name.split(".")[0]} | cell)
-    return Plan(campaign, tuple(cells), tuple(runs), recorded, tuple(hashes))
+    return Plan(campaign, tuple(cells), tuple(runs), tuple(hashes))
 
 
-def _contents(file: str) -> str:
-    """Hash of a SUMO file and of the files that it names; '' if none is named or readable."""
+def _contents(file: str, configures: bool = False) -> str:
+    """Hash of a SUMO file and, where it `configures` SUMO, of the files it reads; '' if there is none."""
     path, whole = Path(file), hashlib.sha256()
     if not file or not path.is_file():
         return ""
     content = path.read_bytes()
     whole.update(content)
-    if path.suffix == ".sumocfg":
-        values = re.findall(r"""value\s*=\s*["']([^"'<>]+)["']""", content.decode("utf-8", "replace"))
-        for name in sorted({name.strip() for value in values for name in value.split(",")}):
+    if configures:
+        for name in sorted(_read_by(content.decode("utf-8", "replace"))):
             named = path.parent / name
-            if name and named.is_file():
+            if named.is_file():
                 whole.update(name.encode())
                 whole.update(named.read_bytes())
     return whole.hexdigest()
+
+
+def _read_by(configuration: str) -> set[str]:
+    """All values of a SUMO configuration that may name a file, without those that it writes."""
+    sections = re.sub(r"(?s)<(output|report)>.*?</\1>", "", configuration)
+    options = re.findall(r"""<([\w.-]+)\s(?:[^<>]*\s)?value\s*=\s*["']([^"'<>]+)["']""", sections)
+    return {name.strip() for option, value in options if not writes(option) for name in value.split(",")} - {
+        ""
+    }
 
 
 def _check(

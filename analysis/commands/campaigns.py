@@ -47,7 +47,11 @@ def batch(
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="An existing Dask scheduler.")
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="List the runs and their estimated cost, run nothing.")
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="List the runs, which are done in --out, and the others' estimated cost; run nothing.",
+        ),
     ] = False,
     keep: Annotated[
         str,
@@ -63,13 +67,19 @@ def batch(
     from analysis.campaign import cost, engine, plan
     from analysis.campaign.progress import shown
     from analysis.campaign.report import write_report
+    from analysis.campaign.store import Store
 
     with plain_errors():
         runs = plan.load(campaign, keep=tuple(name for name in keep.split(",") if name))
         if dry_run:
+            runs, missing, *_ = engine.resumed(runs, Store(out), compare_paper)
+            left = {one.key for one in missing}
             for one in runs.runs:
-                typer.echo(f"{one.key}  {Path(one.scenario).name}  {plan.in_words(one)}")
-            typer.echo(cost.estimate(runs, workers))
+                done = "" if one.key in left else "  (done)"
+                typer.echo(f"{one.key}  {Path(one.scenario).name}  {plan.in_words(one)}{done}")
+            there = len(runs.runs) - len(missing)
+            typer.echo(f"{len(runs.runs)} runs in {len(runs.cells)} cells, {there} done in {out}")
+            typer.echo(f"{len(missing)} to run, {cost.estimate(missing, runs.campaign.keep, workers)}")
             return
         try:
             with shown() as tell:

@@ -101,8 +101,23 @@ def test_a_dry_run_lists_the_runs(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert done.value.code in (0, None)
     said = capsys.readouterr().out
     assert said.count("condition.preset = night") == 2
-    assert "4 runs in 2 cells" in said
+    assert "4 runs in 2 cells, 0 done" in said
     assert not (tmp_path / "out").exists()
+
+
+def test_a_dry_run_says_what_is_done(tmp_path: Path, whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def dry(text: str) -> str:
+        with pytest.raises(SystemExit):
+            main(["batch", str(written(tmp_path, text)), "--out", str(whole), "--dry-run"])
+        said = capsys.readouterr()
+        return said.out + said.err
+
+    assert "4 runs in 2 cells, 4 done" in dry(SMALL)
+    said = dry(SMALL.replace("[3, 4]", "[3, 4, 5]"))
+    assert said.count("(done)") == 4
+    assert "6 runs in 2 cells, 4 done" in said
+    assert "2 to run, 0.00 h simulated" in said
+    assert "holds another campaign" in dry(SMALL.replace("0.05", "0.06"))
 
 
 @given(st.lists(st.dictionaries(st.sampled_from("abcdef"), st.integers(0, 1000)), max_size=8), st.randoms())
@@ -208,12 +223,23 @@ def test_a_directory_is_refused_where_anything_that_matters_has_changed(tmp_path
     assert load(written(tmp_path, text + "settings = { warm_up_s = 1.0 }")).hash != first
     base.write_text("duration_s = 3.0\nequipment.fraction = 0.3\n")  # the file behind the campaign's own
     assert load(written(tmp_path, text)).hash != first
-    net, base = tmp_path / "a.net.xml", tmp_path / "a.sumocfg"
-    base.write_text("<configuration><input><net-file value='a.net.xml'/></input></configuration>")
+
+
+@pytest.mark.parametrize("name", ["a.sumocfg", "a.cfg.xml"])
+def test_a_directory_is_refused_where_a_file_that_sumo_reads_has_changed(tmp_path: Path, name: str) -> None:
+    net = tmp_path / "a.net.xml"
     net.write_text("<net/>")
-    text = 'scenarios = ["a.sumocfg"]\nseeds = [1]\n'
+    (tmp_path / name).write_text(
+        "<configuration><input><net-file value='a.net.xml'/></input><output><summary value='s.xml'/></output>"
+        "<tripinfo-output value='t.xml'/></configuration>"
+    )
+    (tmp_path / "mine.toml").write_text(f"configuration = '{name}'")
+    text = 'scenarios = ["mine.toml"]\nseeds = [1]\n'
     first = load(written(tmp_path, text)).hash
-    net.write_text("<net version='1'/>")  # and the files behind that one
+    for output in ("s.xml", "t.xml"):  # as SUMO by itself writes beside the configuration
+        (tmp_path / output).write_text("<written/>")
+    assert load(written(tmp_path, text)).hash == first
+    net.write_text("<net version='1'/>")
     assert load(written(tmp_path, text)).hash != first
 
 

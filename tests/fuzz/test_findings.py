@@ -140,7 +140,7 @@ def test_xml_bombs_are_refused_before_sumo_sees_them(tmp_path: Path, which: str,
     ):
         (tmp_path / f"a.{suffix}").write_bytes(content[name])
     with pytest.raises(SettingsError, match="declares the XML entity 'a'"):
-        prepare_configuration(tmp_path / "a.sumocfg", tmp_path / "work", {})
+        prepare_configuration(tmp_path / "a.sumocfg", tmp_path / "work", {}, 1.0)
     if which == "net":
         for read in (read_net, lane_graph.read):
             with pytest.raises(ValueError, match="declares the XML entity"):

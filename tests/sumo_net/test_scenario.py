@@ -1,5 +1,6 @@
 """Scenarios, prepared and run in a real SUMO."""
 
+import gzip
 import hashlib
 import subprocess
 import xml.etree.ElementTree as ET
@@ -181,6 +182,7 @@ def test_a_users_sumocfg_writes_only_into_the_runs_folder(tmp_path: Path) -> Non
     assert run.begin_s == 5.0
     assert any("step-length 0.5 is overridden by 0.1" in note for note in run.notes)
     assert any("lateral-resolution 0.8 is overridden by -1" in note for note in run.notes)
+    assert any("end 7 is overridden by 15" in note for note in run.notes)
     with Traffic.start(run.arguments) as traffic:
         for _ in range(100):
             traffic.step()
@@ -265,6 +267,13 @@ def test_names_and_files_that_are_not_there(tmp_path: Path) -> None:
     assert "no such file" in refused(str(tmp_path / "none.toml"), tmp_path)
     assert "no such file" in refused(str(tmp_path / "none.sumocfg"), tmp_path)
     assert "no such file" in refused(str(tmp_path / "none.net.xml"), tmp_path)
+    packed, other = tmp_path / "town.sumocfg.gz", tmp_path / "town.xml"
+    packed.write_bytes(gzip.compress(user_files(tmp_path).read_bytes()))
+    assert "is compressed, as SUMO reads networks and routes, but no configuration" in refused(
+        str(packed), tmp_path / "run"
+    )
+    other.write_text("<configuration/>")
+    assert f"{other}: a scenario is a .toml, .sumocfg," in refused(str(other), tmp_path / "run")
 
 
 def test_networks_that_are_none(tmp_path: Path) -> None:
