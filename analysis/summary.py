@@ -25,18 +25,21 @@ def print_summary(directory: Path) -> None:
     """Print the figures of the run whose tables lie in `directory`, in lines of at most 80 characters."""
     console = Console(highlight=False)
     figures = summary(**{name: read_table(directory, name) for name in TABLES})
+    by_class = ", ".join(read_table(directory, "runs")["equipped_by_class"].dropna())
     if not figures["vehicle_steps"]:
-        console.print(f"No equipped vehicle drove. Tables: {directory}", markup=False, soft_wrap=True)
+        why = f"equipped: {by_class}, see `equipment`" if by_class else "no vehicle was on the road"
+        console.print(f"No equipped vehicle drove ({why}). Tables: {directory}", markup=False, soft_wrap=True)
         return
-    console.print(_figures(figures))
+    console.print(_figures(figures, by_class))
     console.print()
     console.print(_predictions(figures))
     console.print(f"\nTables: {directory}", markup=False, soft_wrap=True)
 
 
-def _figures(f: dict[str, float]) -> Table:
+def _figures(f: dict[str, float], by_class: str) -> Table:
     rows = [
         ("equipped vehicles", f"{f['vehicles']:.0f}, {f['distance_km']:.1f} km"),
+        ("  by SUMO class", by_class),
         ("departures", f"{f['departures']:.0f} ({f['departures_per_100km']:.1f} per 100 km)"),
     ]
     if f["departures"]:

@@ -281,6 +281,7 @@ class DriverAssistance:
             "warnings": self._scorer.warnings,
             "conflicts": self._rear_end.conflicts,
             "collision_warnings": self._rear_end.warnings,
+            "equipped_by_class": self._choice.by_class(),
         }
         return {name: [value] for name, value in row.items()}
 

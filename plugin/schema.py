@@ -259,5 +259,9 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("warnings", "number of lane-departure warnings", "int"),
         Column("conflicts", "number of rear-end conflicts: a true time to collision under 3 s", "int"),
         Column("collision_warnings", "number of rear-end warnings of the reminder level", "int"),
+        _text(
+            "equipped_by_class",
+            "how many of all vehicles of a SUMO class were equipped: `passenger 2 of 9; …`",
+        ),
     ),
 }

@@ -59,6 +59,7 @@ class EquipmentChoice:
         self.equipment = equipment
         self.seed = seed
         self._by_type: dict[str, bool | None] = {}
+        self._of_class: dict[str, list[int]] = {}  # equipped and all vehicles
 
     def choose(self, traffic: Traffic, handles: list[int]) -> list[int]:
         """Those of `handles` (vehicles seen for the first time) that are equipped, in the same order.
@@ -66,6 +67,11 @@ class EquipmentChoice:
         Raises SettingsError where a parameter is neither true nor false.
         """
         return [handle for handle in handles if self._wants(traffic, handle)]
+
+    def by_class(self) -> str:
+        """How many vehicles of which SUMO class were equipped, as in 'passenger 2 of 9; truck 0 of 1'."""
+        classes = sorted(self._of_class.items(), key=lambda item: (-item[1][1], item[0]))
+        return "; ".join(f"{name} {equipped} of {seen}" for name, (equipped, seen) in classes)
 
     def _wants(self, traffic: Traffic, handle: int) -> bool:
         name = traffic.vehicle_id(handle)
@@ -78,7 +84,12 @@ class EquipmentChoice:
             text = traffic.vehicle_parameter(handle, VEHICLE_PARAMETER)
             if text:
                 asked = _truth(text, f"vehicle '{name}', param '{VEHICLE_PARAMETER}'")
-        return is_equipped(self.equipment, self.seed, name, traffic.vehicle_class(handle), asked)
+        vehicle_class = traffic.vehicle_class(handle)
+        wants = is_equipped(self.equipment, self.seed, name, vehicle_class, asked)
+        counts = self._of_class.setdefault(vehicle_class, [0, 0])
+        counts[0] += wants
+        counts[1] += 1
+        return wants
 
 
 def requested_by_type(traffic: Traffic, type_id: str) -> bool | None:

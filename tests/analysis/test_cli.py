@@ -67,6 +67,7 @@ def test_run_writes_tables_and_a_summary_that_fits_the_terminal(
     assert max(map(len, lines[:-1])) <= 80
     for word in (
         "equipped vehicles",
+        "by SUMO class",
         "departures",
         "false per 100 km",
         "lane recognised",

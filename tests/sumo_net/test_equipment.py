@@ -87,6 +87,8 @@ def test_named_vehicles_and_types_that_ask() -> None:
     assert none.choose(traffic, handles) == [0, 1, 3]
     everyone = EquipmentChoice(Equipment(fraction=1.0), 1)
     assert everyone.choose(traffic, handles) == [1, 3, 4]
+    assert sum(int(part.split()[-1]) for part in everyone.by_class().split("; ")) == len(handles)
+    assert sum(int(part.split()[-3]) for part in everyone.by_class().split("; ")) == 3
     deaf = EquipmentChoice(Equipment(fraction=1.0, types_may_ask=False), 1)
     assert deaf.choose(traffic, handles) == [1, 2, 3, 4]
 
