@@ -24,7 +24,8 @@ from sumo_net.vehicle import Vehicle, single_track
 # of what a vehicle does, by LANE_KEEPING to UNSIGNALLED_CHANGE of driver_kernels
 CAUSES = ("lane_keeping", "distraction", "microsleep", "lane_change_signalled", "lane_change_unsignalled")
 
-_TABLE_SPEEDS = 16  # up to 60 m/s; the kernel clamps beyond
+_SPEEDS_MPS = [k * TABLE_SPEED_STEP_MPS for k in range(16)]  # up to 60 m/s; the kernel clamps beyond
+HEAVY_MPS = 28.0  # 100 km/h, the fastest that coaches may drive in Europe: every vehicle must keep its lane
 
 
 @settings
@@ -216,11 +217,11 @@ class DriverNumbers(NamedTuple):
 
 
 def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
-    """Kernel parameters of a population of drivers in a vehicle. Raises ValueError as `lateral_sds`."""
-    speeds = np.arange(_TABLE_SPEEDS) * TABLE_SPEED_STEP_MPS
+    """Kernel parameters of a population of drivers in a vehicle. Raises ValueError as `stable_to_mps`."""
     keep = math.exp(-STEP_S / driver.jitter_time_s)
-    parts = [lateral_sds(driver, vehicle, max(float(v), driver.slow_mps)) for v in speeds]
-    preview = [max(driver.steer_lag_s + response_delay(vehicle, max(float(v), 1.0)), 0.0) for v in speeds]
+    stable_mps = stable_to_mps(driver, vehicle)
+    parts = [lateral_sds(driver, vehicle, min(max(v, driver.slow_mps), stable_mps)) for v in _SPEEDS_MPS]
+    preview = [max(driver.steer_lag_s + response_delay(vehicle, max(v, 1.0)), 0.0) for v in _SPEEDS_MPS]
     return kernel_view(
         DriverNumbers,
         driver,
@@ -238,28 +239,34 @@ def numbers(driver: Driver, vehicle: Vehicle) -> DriverNumbers:
     )
 
 
+def stable_to_mps(driver: Driver, vehicle: Vehicle) -> float:
+    """Speed up to which the closed loop of driver and vehicle is stable, of those tabulated; inf: all.
+
+    A heavy vehicle answers the steering so late at speeds it never drives. Raises ValueError for less than
+    HEAVY_MPS.
+    """
+    stable = math.inf
+    for v in _SPEEDS_MPS[::-1]:
+        speed = max(v, driver.slow_mps)
+        if np.linalg.eigvals(_closed_loop(driver, vehicle, speed)[0]).real.max() >= 0.0:
+            stable = v - TABLE_SPEED_STEP_MPS
+    if stable < HEAVY_MPS:
+        raise ValueError(
+            f"driver.bandwidth_rps = {driver.bandwidth_rps}, damping = {driver.damping}, steer_lag_s = "
+            f"{driver.steer_lag_s}: lane keeping with this `vehicle` is unstable at "
+            f"{max(stable + TABLE_SPEED_STEP_MPS, driver.slow_mps):.0f} m/s; a smaller bandwidth_rps or "
+            "steer_lag_s is needed"
+        )
+    return stable
+
+
 def lateral_sds(driver: Driver, vehicle: Vehicle, speed_mps: float) -> tuple[float, float]:
     """SDLP in m due to a disturbance of 1 m/s², and due to jitter of 1 rad (standard deviations).
 
-    From the Lyapunov equation of the closed loop, state (v_y, γ, d, e, δ, n, m): the vehicle, its offset and
-    heading error, the steer, a disturbance or jitter, and the slow part of the latter. Raises ValueError
-    where the closed loop of driver and vehicle is unstable.
+    From the Lyapunov equation of the closed loop, which must be stable.
     """
-    v, w, T = speed_mps, driver.bandwidth_rps, driver.steer_lag_s
-    F = np.zeros((7, 7))
-    A, B = single_track(vehicle, v)
-    F[:2, :2], F[:2, 4] = A, B[:, 0]
-    F[2, 0], F[2, 3], F[3, 1] = 1.0, v, 1.0
-    rate = 2.0 * driver.damping * w
-    steer = (vehicle.wheelbase_m + vehicle.understeer * v**2) / v**2 / T
-    F[4, :5] = steer * np.array([-rate, 0.0, -(w**2), -rate * v, 0.0])
-    F[4, 4] = -1.0 / T
-    F[5, 5] = F[6, 6] = -1.0 / driver.noise_time_s
-    if np.linalg.eigvals(F).real.max() >= 0.0:
-        raise ValueError(
-            f"bandwidth_rps = {w}, damping = {driver.damping}, steer_lag_s = {T}: lane keeping is unstable"
-            f" at {v:.0f} m/s; a smaller bandwidth_rps or steer_lag_s is needed"
-        )
+    F, steer = _closed_loop(driver, vehicle, speed_mps)
+    _, B = single_track(vehicle, speed_mps)
     slow, quick = F.copy(), F.copy()
     slow[4, 5] = steer
     quick[:2, 5:] = math.sqrt(2.0) * B @ np.array([[1.0, -1.0]])  # the fast part has half of the variance
@@ -271,6 +278,25 @@ def lateral_sds(driver: Driver, vehicle: Vehicle, speed_mps: float) -> tuple[flo
         math.sqrt(solve_continuous_lyapunov(slow, -Q / driver.noise_time_s)[2, 2]),
         math.sqrt(solve_continuous_lyapunov(quick, -Q / driver.jitter_time_s)[2, 2]),
     )
+
+
+def _closed_loop(driver: Driver, vehicle: Vehicle, speed_mps: float) -> tuple[Array, float]:
+    """F (7, 7) of driver and vehicle, and the gain from a disturbance in m/s² to the steering.
+
+    State (v_y, γ, d, e, δ, n, m): the vehicle, its offset and heading error, the steer, a disturbance or
+    jitter, and the slow part of the latter.
+    """
+    v, w, T = speed_mps, driver.bandwidth_rps, driver.steer_lag_s
+    F = np.zeros((7, 7))
+    A, B = single_track(vehicle, v)
+    F[:2, :2], F[:2, 4] = A, B[:, 0]
+    F[2, 0], F[2, 3], F[3, 1] = 1.0, v, 1.0
+    rate = 2.0 * driver.damping * w
+    steer = (vehicle.wheelbase_m + vehicle.understeer * v**2) / v**2 / T
+    F[4, :5] = steer * np.array([-rate, 0.0, -(w**2), -rate * v, 0.0])
+    F[4, 4] = -1.0 / T
+    F[5, 5] = F[6, 6] = -1.0 / driver.noise_time_s
+    return F, steer
 
 
 def quick_sd(keep: float) -> float:
@@ -294,7 +320,7 @@ def response_delay(vehicle: Vehicle, speed_mps: float) -> float:
 def traits(driver: Driver, vehicle: Vehicle, seed: int, vehicle_ids: Sequence[str], width_m: Array) -> Traits:
     """Draw the drivers of n vehicles, each from (seed, vehicle id) alone.
 
-    `width_m` (n,): body widths. The wheels' outer span is in proportion to it, as for a car of CAR_WIDTH_M.
+    `width_m` (n,): body widths. The wheels' outer span is in proportion to it.
     """
     rows = [_traits_of(driver, seed, vehicle_id) for vehicle_id in vehicle_ids]
     columns = list(zip(*rows, strict=True)) if rows else [()] * 6
@@ -306,13 +332,10 @@ def traits(driver: Driver, vehicle: Vehicle, seed: int, vehicle_ids: Sequence[st
         signal_probability=parts[3],
         change_s=parts[4],
         reaction_s=parts[5],
-        half_span_m=0.5 * vehicle.wheel_span_m / CAR_WIDTH_M * np.asarray(width_m, dtype=float),
+        half_span_m=0.5 * vehicle.wheel_span_m / vehicle.width_m * np.asarray(width_m, dtype=float),
         noise_key=np.array([stream_key(seed, name, "lane keeping") for name in vehicle_ids], dtype=np.uint64),
         event_key=np.array([stream_key(seed, name, "driver events") for name in vehicle_ids], np.uint64),
     )
-
-
-CAR_WIDTH_M = 1.8  # of SUMO's passenger car, for which Vehicle.wheel_span_m holds
 
 
 def _traits_of(driver: Driver, seed: int, vehicle_id: str) -> tuple[float, ...]:

@@ -15,9 +15,10 @@ import numpy as np
 
 from sumo_net.arrays import Array
 from sumo_net.batch import join, select
-from sumo_net.driver import Driver, Traits, attentive, numbers, traits
+from sumo_net.driver import Driver, Traits, attentive, numbers, stable_to_mps, traits
 from sumo_net.driver_kernels import DISTRACTION, at_speed, reference
 from sumo_net.ego_road_kernels import drive_on, onto_paths, stand
+from sumo_net.settings import SettingsError
 from sumo_net.snapshot import Snapshot
 from sumo_net.vehicle import Vehicle, model
 
@@ -120,6 +121,7 @@ class Ego:
         self._driver = driver or Driver()
         self._vehicle = vehicle or Vehicle()
         self._numbers = numbers(self._driver, self._vehicle)
+        self._stable_mps = stable_to_mps(self._driver, self._vehicle)
         self._model = model(self._vehicle)
         self._traits = self._draw([], np.zeros(0))
         self._mind = attentive(self._traits)
@@ -133,10 +135,13 @@ class Ego:
         out. `alerted`: handles of vehicles whose driver is being warned; an episode then ends after the
         driver's reaction time. A vehicle that is new, or has been moved by more than 5 m, or put on another
         lane at speed (teleport, parking, re-insertion), starts at its driver's offset from the lane's centre.
+        Raises SettingsError for one that drives faster than its driver can keep the lane.
         """
         rows = np.flatnonzero(equipped) if equipped.dtype == np.bool_ else np.sort(equipped)
         now = select(snapshot, rows[snapshot.lane[rows] >= 0])
         self._follow_fleet(now)
+        if len(now.handle) and now.speed_mps.max() > self._stable_mps:
+            raise SettingsError(self._too_fast(now))
         motion, mind = _own(self._motion), _own(self._mind)
         changed = np.flatnonzero(motion.lane != now.lane)
         # Who was put on another lane has not come the way that leads there: as new, on a lane of its own.
@@ -198,6 +203,15 @@ class Ego:
     def drives(self, handle: int) -> bool:
         """Whether a vehicle is equipped and on the road."""
         return bool(np.isin(handle, self._motion.handle))
+
+    def _too_fast(self, now: Any) -> str:
+        i = int(np.argmax(now.speed_mps))
+        name = self._fleet.vehicle_id(int(now.handle[i]))
+        return (
+            f"vehicle '{name}' drives {now.speed_mps[i]:.1f} m/s: lane keeping with these settings of "
+            f"`driver` and `vehicle` is unstable above {self._stable_mps:.0f} m/s; give its vType a "
+            "maxSpeed, equip other vehicles, or lower driver.bandwidth_rps"
+        )
 
     def _row(self, handle: int) -> int:
         i = int(np.searchsorted(self._motion.handle, handle))

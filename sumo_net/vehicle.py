@@ -5,11 +5,11 @@ in rad; ISO 8855, left positive. Equation (11) and the matrix A of (21) are misp
 is unstable. Corrected here: the term −v in the first row, and −(l_f² k_f + l_r² k_r) in the second.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 from scipy.linalg import expm
 
 from sumo_net.compile import kernel
@@ -22,7 +22,7 @@ STANDSTILL_MPS = 0.1  # the model divides by speed; here its exact discretisatio
 
 @settings
 class Vehicle:
-    """The car: table 5 of Zhang et al. 2011 at half load; overhang and wheel span are ours."""
+    """The car: table 5 of Zhang et al. 2011 at half load; overhang, wheel span and width are ours."""
 
     front_axle_m: float = Field(0.90, gt=0, description="l_f, centre of gravity to front axle")
     rear_axle_m: float = Field(1.06, gt=0, description="l_r, centre of gravity to rear axle")
@@ -38,8 +38,22 @@ class Vehicle:
     )
     front_overhang_m: float = Field(0.70, ge=0, description="from the front axle to the front bumper")
     wheel_span_m: float = Field(
-        1.50, gt=0, description="distance between the outer edges of the front wheels"
+        1.50,
+        gt=0,
+        description="distance between the outer edges of the front wheels, of a body `width_m` wide",
     )
+    width_m: float = Field(
+        1.80, gt=0, description="width of the body; wheels of wider or narrower ones stand in proportion"
+    )
+
+    @model_validator(mode="after")
+    def _wheels_below_the_body(self) -> Self:
+        if self.wheel_span_m > self.width_m:
+            raise ValueError(
+                f"wheel_span_m = {self.wheel_span_m}: must be at most width_m = {self.width_m}, the width of "
+                "the body that stands on these wheels"
+            )
+        return self
 
     @property
     def wheelbase_m(self) -> float:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from analysis.protocol.definition import CollisionTest, DepartureTest, Procedure, Protocol, QuietTest
-from sumo_net.driver import CAR_WIDTH_M
 from sumo_net.scenario import laid_over
+from sumo_net.settings import read
+from sumo_net.vehicle import Vehicle
 
 LANE_M = 3.75
 CAR_M = 1.75  # width of the demand's cars
@@ -85,9 +86,10 @@ def free_m() -> float:
     return LANE_M - 2.0 * half_span_m()
 
 
-def half_span_m(wheel_span_m: float = 1.5) -> float:
+def half_span_m(vehicle: Vehicle | None = None) -> float:
     """Half the distance between the outer edges of the test car's wheels, as in the driver model."""
-    return 0.5 * wheel_span_m * CAR_M / CAR_WIDTH_M
+    vehicle = vehicle or Vehicle()
+    return 0.5 * vehicle.wheel_span_m * CAR_M / vehicle.width_m
 
 
 def start_gap_m(test: DepartureTest, drift_mps: float) -> float:
@@ -194,8 +196,8 @@ def _batch(protocol: Protocol, trials: Sequence[Trial]) -> Batch:
     if line == "dots":
         changes["condition"] = {"dash_stroke_m": 0.10, "dash_gap_m": 1.12, "marking_width_m": 0.10}
     changes = laid_over(laid_over(protocol.settings, trials[0].test.settings), changes)
-    span = changes.get("vehicle", {}).get("wheel_span_m", 1.5)
-    return Batch(tuple(trials), changes, half_span_m(span))
+    vehicle = read(Vehicle, changes.get("vehicle", {}), protocol.title)
+    return Batch(tuple(trials), changes, half_span_m(vehicle))
 
 
 def _depart(trial: Trial, test: DepartureTest, actor: dict[str, Any], script: list[dict[str, Any]]) -> None:

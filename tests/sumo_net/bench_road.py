@@ -15,6 +15,17 @@ from sumo_net.vehicle import Vehicle, model, steady_state
 
 STEP_S, HALF_LANE_M = 0.1, 1.875
 VEHICLE = Vehicle()
+LORRY = Vehicle(  # two axles, 18 t
+    front_axle_m=3.4,
+    rear_axle_m=1.8,
+    mass_kg=18_000.0,
+    front_stiffness_npr=320_000.0,
+    rear_stiffness_npr=650_000.0,
+    yaw_inertia_kgm2=110_000.0,
+    front_overhang_m=1.4,
+    wheel_span_m=2.4,
+    width_m=2.55,
+)
 QUIET = {"distraction_per_min": 0.0, "microsleep_per_min": 0.0}
 STILL = QUIET | {
     "sleepy_share": 0.0,
@@ -53,6 +64,7 @@ class Bench:
     speed_mps: float
     curvature: Callable[[Array], Array] = straight
     seed: int = 1
+    vehicle: Vehicle = VEHICLE
     station_m: Array = field(init=False)
     traits: Traits = field(init=False)
     mind: Mind = field(init=False)
@@ -60,14 +72,16 @@ class Bench:
 
     def __post_init__(self) -> None:
         names = [f"car{i}" for i in range(self.n)]
-        self.traits = traits(self.driver, VEHICLE, self.seed, names, np.full(self.n, 1.8))
+        self.traits = traits(
+            self.driver, self.vehicle, self.seed, names, np.full(self.n, self.vehicle.width_m)
+        )
         self.mind = attentive(self.traits)
         self.motion = standing(np.arange(self.n))
-        self.numbers, self.model = numbers(self.driver, VEHICLE), model(VEHICLE)
+        self.numbers, self.model = numbers(self.driver, self.vehicle), model(self.vehicle)
         self.station_m = 777.0 * np.arange(self.n, dtype=float)
         self.motion.offset_m[:] = self.traits.offset_m
         self.motion.along_mps[:] = self.speed_mps
-        unit = steady_state(VEHICLE, self.speed_mps, 1.0)
+        unit = steady_state(self.vehicle, self.speed_mps, 1.0)
         k = self.curvature(self.station_m)
         self.motion.steer_rad[:] = k * self.speed_mps / unit[1]
         self.motion.lateral_speed_mps[:], self.motion.yaw_rate_rps[:] = np.outer(unit, self.motion.steer_rad)
@@ -101,5 +115,5 @@ class Bench:
 
     def beyond_border_m(self) -> Array:
         """How far the outer edge of a front wheel stands beyond the border, (n,)."""
-        front = self.motion.offset_m + VEHICLE.front_axle_m * np.sin(self.motion.heading_rad)
+        front = self.motion.offset_m + self.vehicle.front_axle_m * np.sin(self.motion.heading_rad)
         return np.abs(front) + self.traits.half_span_m - HALF_LANE_M

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import welch
 
-from sumo_net.driver import Driver, lateral_sds, traits
+from sumo_net.driver import Driver, numbers, stable_to_mps, traits
 from sumo_net.driver_kernels import (
     DISTRACTION,
     LANE_KEEPING,
@@ -20,7 +20,17 @@ from sumo_net.driver_kernels import (
 )
 from sumo_net.settings import SettingsError, read
 from sumo_net.vehicle import Vehicle
-from tests.sumo_net.bench_road import HALF_LANE_M, QUIET, STILL, VEHICLE, Bench, circle, motorway, straight
+from tests.sumo_net.bench_road import (
+    HALF_LANE_M,
+    LORRY,
+    QUIET,
+    STILL,
+    VEHICLE,
+    Bench,
+    circle,
+    motorway,
+    straight,
+)
 
 LANE_M = 3.75
 
@@ -79,7 +89,16 @@ def test_a_bend_is_neither_cut_nor_run_wide(kmh: float, radius_m: float) -> None
 
 def test_an_unstable_loop_of_driver_and_vehicle_is_refused() -> None:
     with pytest.raises(ValueError, match=r"bandwidth_rps = 2.0.*unstable"):
-        lateral_sds(Driver(bandwidth_rps=2.0, damping=0.1, steer_lag_s=1.0), VEHICLE, 30.0)
+        numbers(Driver(bandwidth_rps=2.0, damping=0.1, steer_lag_s=1.0), VEHICLE)
+
+
+def test_a_lorry_is_driven_as_fast_as_lorries_are() -> None:
+    """Laden it would answer the steering too late at 160 km/h, which it never drives."""
+    assert stable_to_mps(Driver(), VEHICLE) == math.inf
+    assert 28.0 <= stable_to_mps(Driver(), LORRY) < 50.0
+    bench = Bench(Driver(**QUIET | {"sleepy_share": 0.0}), 60, 24.0, vehicle=LORRY)
+    d = history(bench, 2000)["d"][200:]
+    assert np.mean(d.std(axis=0) / bench.traits.sd_m) == pytest.approx(1.0, abs=0.05)
 
 
 # --- lane changes
@@ -326,6 +345,10 @@ def test_another_seed_is_another_population() -> None:
 def test_wheels_follow_the_body_s_width() -> None:
     drawn = traits(Driver(), Vehicle(), 1, ["car", "truck"], np.array([1.8, 2.4]))
     assert drawn.half_span_m == pytest.approx([0.75, 1.0])
+    lorry = traits(Driver(), LORRY, 1, ["truck"], np.array([LORRY.width_m]))
+    assert lorry.half_span_m == pytest.approx([0.5 * LORRY.wheel_span_m])
+    with pytest.raises(SettingsError, match=r"wheel_span_m = 2\.4: must be at most width_m = 1\.8"):
+        read(Vehicle, {"wheel_span_m": 2.4}, "mine.toml")
 
 
 def test_population_shares() -> None:

@@ -19,9 +19,10 @@ from sumo_net.highway import Highway
 from sumo_net.road import RoadNetwork
 from sumo_net.road_kernels import project
 from sumo_net.scenario import prepare
+from sumo_net.settings import SettingsError
 from sumo_net.traffic import Snapshot, Traffic
 from sumo_net.vehicle import Vehicle, derivatives, model, steady_state
-from tests.sumo_net.bench_road import QUIET, STILL
+from tests.sumo_net.bench_road import LORRY, QUIET, STILL
 
 CAR = Vehicle()
 P = model(CAR)
@@ -188,6 +189,15 @@ def drive(ego: Ego, traffic: MadeUpTraffic, steps: int) -> list[EgoTruth]:
 
 def stacked(truths: list[EgoTruth], name: str) -> np.ndarray:
     return np.array([getattr(truth, name) for truth in truths])
+
+
+def test_a_vehicle_that_is_faster_than_its_driver_can_steer_is_named(built) -> None:
+    traffic = MadeUpTraffic(built, 3, 24.0)
+    ego = Ego(RoadNetwork.from_highway(built), traffic, 3, Driver(**QUIET), LORRY)
+    drive(ego, traffic, 5)
+    traffic.speed[1] = 50.0
+    with pytest.raises(SettingsError, match=r"vehicle 'car7' drives 50\.0 m/s: .* unstable above 40 m/s"):
+        drive(ego, traffic, 1)
 
 
 def test_world_pose_follows_the_reported_motion_over_paths_and_lane_changes(built) -> None:
