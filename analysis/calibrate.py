@@ -62,9 +62,14 @@ class Proposal(NamedTuple):
     notes: tuple[str, ...]
 
 
-def calibrate(sources: Sequence[Path | str], lane_width_m: float = 3.7, height_m: float | None = None) -> str:
+def calibrate(
+    sources: Sequence[Path | str],
+    lane_width_m: float = 3.7,
+    height_m: float | None = None,
+    field_of_view_rad: float = math.radians(60.0),
+) -> str:
     """The camera file that `propose` finds, as TOML; its basis goes to standard error."""
-    proposal = propose(sources, lane_width_m, height_m)
+    proposal = propose(sources, lane_width_m, height_m, field_of_view_rad)
     for note in proposal.notes:
         print(note, file=sys.stderr)
     return as_toml(proposal.camera)
@@ -78,7 +83,8 @@ def propose(
 ) -> Proposal:
     """Propose a camera from pictures (or a video, or folders of pictures) of a straight road.
 
-    height_m: if known; then lane_width_m is only compared. Raises ValueError for values out of range,
+    field_of_view_rad: horizontal, of the whole picture. height_m: if known; then lane_width_m is only
+    compared. Raises ValueError for values out of range,
     FootageError if nothing can be read or no picture shows a lane.
     """
     if not 2.0 <= lane_width_m <= 6.0:
@@ -148,9 +154,9 @@ def _propose(
     notes = [
         f"{len(found)} of {looked} images show a lane; vanishing point x = {x:.1f}, y = {y:.1f} "
         f"(320x240, up from the bottom row)",
-        f"assumed: field of view {math.degrees(field_of_view_rad):.0f} degrees (not visible in a picture), "
-        f"square pixels of the {width}x{height} image, principal point in its middle, the car parallel to "
-        "the lane on average",
+        f"taken: field of view {math.degrees(field_of_view_rad):g} degrees across (not visible in a picture: "
+        f"--field-of-view), square pixels of the {width}x{height} image, principal point in its middle, the "
+        "car parallel to the lane on average",
     ]
     if height_m is None:
         notes.append(f"height {chosen:.2f} m follows from a lane width of {lane_width_m:g} m (assumed)")

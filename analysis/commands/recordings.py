@@ -1,6 +1,7 @@
 """Commands on recorded input: `detect`, `calibrate`, `track`."""
 
 import enum
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -79,12 +80,22 @@ def calibrate(
             "--height", help="Height of the camera in m, if known; else from the lane width.", metavar="M"
         ),
     ] = None,
+    field_of_view: Annotated[
+        float,
+        typer.Option(
+            "--field-of-view",
+            help="Horizontal field of view in degrees, which no picture shows.",
+            min=6,
+            max=140,
+            metavar="DEG",
+        ),
+    ] = 60.0,
 ) -> None:
     """Propose a camera file, as TOML on standard output."""
     from analysis.calibrate import calibrate as propose
 
     with plain_errors(), told_of_compiling():
-        typer.echo(propose(images, lane_width_m=lane_width, height_m=height))
+        typer.echo(propose(images, lane_width, height, math.radians(field_of_view)))
 
 
 def track(

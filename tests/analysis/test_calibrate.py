@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.calibrate import as_toml, calibrate, lane_lines, propose
+from analysis.cli import main
 from analysis.footage import FootageError
 from camera_synth.camera import Camera
 from sumo_net.settings import read
@@ -60,7 +61,24 @@ def test_the_proposal_is_a_camera_file(tmp_path, capsys):
     assert as_toml(camera) == text
     told = capsys.readouterr()
     assert told.out == ""
-    assert "assumed" in told.err
+    assert "field of view 60 degrees" in told.err
+
+
+def test_the_field_of_view_is_the_users(tmp_path, capsys):
+    """40 degrees across, whatever the size of the picture: 160 / tan(20°) px."""
+    picture = tmp_path / "road.png"
+    known = Camera(height_m=1.3, focal_px=440.0, pitch_rad=0.03)
+    road = draw((1.85, -1.85), camera=known, line_m=0.2)
+    cv2.imwrite(str(picture), cv2.resize(road, (640, 480)))
+    with pytest.raises(SystemExit) as left:
+        main(["calibrate", str(picture), "--field-of-view", "40"])
+    assert not left.value.code
+    told = capsys.readouterr()
+    camera = read(Camera, tomllib.loads(told.out), "camera.toml")
+    assert camera.focal_px == pytest.approx(160.0 / math.tan(math.radians(20.0)), abs=0.1)
+    assert camera.height_m == pytest.approx(1.3, rel=0.05)
+    assert camera.pitch_rad == pytest.approx(0.03, abs=0.006)
+    assert "field of view 40 degrees" in told.err
 
 
 def test_what_is_no_road_is_named(tmp_path):

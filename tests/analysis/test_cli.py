@@ -210,6 +210,7 @@ def test_help_is_on_standard_output(words: list[str], capsys: pytest.CaptureFixt
         (["calibrate", "text.png"], "text.png"),
         (["calibrate", "grey.png"], "grey.png"),
         (["calibrate", "road.png", "--height", "-1"], "height_m"),
+        (["calibrate", "road.png", "--field-of-view", "180"], "'--field-of-view'"),
         (["track", "none.csv"], "none.csv: no such file"),
         (["track", "no_time.csv"], "no_time.csv:1: column time_s is missing"),
         (["track", "radar.csv", "--filter", "kalman"], "filter = 'kalman': allowed are imm"),
