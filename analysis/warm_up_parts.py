@@ -158,6 +158,7 @@ def scores() -> None:
     """Compile the scoring of radar tracks and warnings, and the rounding of tables."""
     from plugin import track_truth_kernels
     from plugin.conflicts import ConflictBook
+    from plugin.events import NOWHERE
     from plugin.leaders import in_view, nobody
     from plugin.record_kernels import rounded
     from plugin.track_truth import Followed
@@ -174,7 +175,8 @@ def scores() -> None:
     )
     track_truth_kernels.rows(one, tracks, tracks.confirmed, target, shown, floats, tracks.confirmed)
     seen = in_view(objects, none, one)
-    ConflictBook().add(0.0, one, nobody(1), nobody(1), nobody(1), seen, still, np.zeros(1, np.int8), still)
+    who = nobody(1), nobody(1), nobody(1)
+    ConflictBook().add(0.0, one, *who, seen, still, np.zeros(1, np.int8), still, lambda i: NOWHERE)
     rounded(still, 1.0)
 
 

@@ -333,7 +333,8 @@ class DriverAssistance:
         self._incidents.look_ahead(braking, self.configuration.reaction.rear_end_s)
         columns = step_columns.of_time(self._steps, time_s, truth.handle)
         columns |= step_columns.join(*(one.columns for one in outcomes))
-        columns |= self._rear_end.add(truth, leader, [(one.echo, judged) for one, judged in done])
+        echoes = [(one.echo, judged) for one, judged in done]
+        columns |= self._rear_end.add(truth, columns["lane_id"], leader, echoes)
         self._scorer.add(columns)
         moments = [one.moment for one in outcomes]
         self.latest = Latest(time_s, truth.handle, departing.code, closing.code, columns, moments)

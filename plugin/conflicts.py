@@ -1,6 +1,6 @@
 """True rear-end conflicts and how the warnings match them: for scoring only, unknown to the assistance."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from plugin import leader_kernels
+from plugin.events import Place
 from plugin.leaders import NOBODY, Leaders
 from sumo_net.arrays import Array
 from sumo_net.settings import settings
@@ -64,6 +65,7 @@ class Conflict:
     min_gap_m: float
     worst_s: float
     visible_s: float
+    place: Place  # of the follower at the start
     critical_s: float | None = None
 
     @property
@@ -81,6 +83,7 @@ class CollisionWarning:
     start_s: float
     ttc_s: float
     approach: bool
+    place: Place
     end_s: float | None = None
 
 
@@ -109,13 +112,15 @@ class ConflictBook:
         speed_mps: Array,
         level: Array,
         warned_ttc_s: Array,
+        place: Callable[[int], Place],
     ) -> None:
         """One step of n vehicles.
 
         leader : on SUMO's lanes, defines conflicts; in_path : by position, target : the body warned of if it
         is in the way; both may also justify warnings.
         visible (n,) : the leader is in the radar's view (`in_view`); level (n,) 0, 1, 2 of the
-        warning that is on; warned_ttc_s (n,) the estimated time to collision of its target.
+        warning that is on; warned_ttc_s (n,) the estimated time to collision of its target; place gives
+        where a vehicle is, by its row.
         """
         s = self.settings
         approached, near = leader_kernels.approaches(
@@ -126,7 +131,7 @@ class ConflictBook:
             self._approached[one] = time_s
         self._follow_views(time_s, handle, leader.handle, visible)
         for i in near.tolist():
-            self._conflict(time_s, int(handle[i]), leader, i)
+            self._conflict(time_s, int(handle[i]), leader, i, place)
         warned = np.flatnonzero(level > 0)
         on = set()
         for i in warned.tolist():
@@ -134,7 +139,7 @@ class ConflictBook:
                 key = int(handle[i]), kind
                 on.add(key)
                 if key not in self._on:
-                    self._on[key] = CollisionWarning(*key, time_s, float(warned_ttc_s[i]), False)
+                    self._on[key] = CollisionWarning(*key, time_s, float(warned_ttc_s[i]), False, place(i))
                 since = time_s - self._approached.get(key[0], -np.inf)
                 self._on[key].approach |= since <= s.approach_window_s + 1e-9
         for key in [key for key in self._on if key not in on]:
@@ -188,13 +193,15 @@ class ConflictBook:
             now[one] = before if before is not None and before[0] == target else (target, time_s)
         self._seen = now
 
-    def _conflict(self, time_s: float, handle: int, leader: Leaders, i: int) -> None:
+    def _conflict(
+        self, time_s: float, handle: int, leader: Leaders, i: int, place: Callable[[int], Place]
+    ) -> None:
         target, ttc, gap = int(leader.handle[i]), float(leader.ttc_s[i]), float(leader.gap_m[i])
         seen = self._seen.get(handle)
         visible_s = time_s - seen[1] if seen is not None and seen[0] == target else 0.0
         conflict = self._open.get((handle, target))
         if conflict is None:
-            conflict = Conflict(handle, target, time_s, time_s, ttc, gap, time_s, visible_s)
+            conflict = Conflict(handle, target, time_s, time_s, ttc, gap, time_s, visible_s, place(i))
             self._open[handle, target] = conflict
         conflict.end_s = time_s
         conflict.min_gap_m = min(conflict.min_gap_m, gap)
@@ -226,6 +233,7 @@ class ConflictBook:
             "visible_s": c.visible_s,
             "warned": bool(in_time),
             "lead_time_s": None if start is None else c.decisive_s - start,
+            **c.place._asdict(),
         }
 
     def _warning_row(self, w: CollisionWarning, conflicts: Iterable[Conflict]) -> dict[str, Any]:
@@ -245,4 +253,5 @@ class ConflictBook:
             "ttc_s": w.ttc_s if np.isfinite(w.ttc_s) else None,
             "lead_time_s": min(matches) - w.start_s if matches else None,
             "outcome": "true" if matches else ("nuisance" if w.approach else "false"),
+            **w.place._asdict(),
         }

@@ -1,9 +1,10 @@
 """Departures and warnings as events, and their matching (ISO 17361's placement zone, from memory)."""
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import Field
 
@@ -42,6 +43,17 @@ class Matching:
     due_from_mps: float = Field(11.1, ge=0, description="a warning is due for crossings from this speed on")
 
 
+class Place(NamedTuple):
+    """Where a vehicle is, as columns of the tables of events."""
+
+    lane_id: str
+    true_x_m: float
+    true_y_m: float
+
+
+NOWHERE = Place("", math.nan, math.nan)
+
+
 @dataclass(slots=True)
 class Departure:
     """One true crossing of a border by a front wheel's outer edge."""
@@ -52,6 +64,7 @@ class Departure:
     cause: int
     lateral_speed_mps: float
     speed_mps: float
+    place: Place = NOWHERE
 
 
 @dataclass(slots=True)
@@ -65,6 +78,7 @@ class LaneWarning:
     margin_m: float
     drift_mps: float = 0.0
     end_s: float | None = None
+    place: Place = NOWHERE
 
 
 def in_placement_zone(margin_m: float, drift_mps: float) -> bool:
@@ -134,6 +148,7 @@ class EventBook:
             "warned": lead is not None and lead >= 0.0 if due else None,
             "lead_time_s": lead,
             "in_zone": None if first is None else in_placement_zone(first.margin_m, first.drift_mps),
+            **departure.place._asdict(),
         }
 
     def _warning_row(self, warning: LaneWarning, departures: Iterable[Departure]) -> dict[str, object]:
@@ -153,6 +168,7 @@ class EventBook:
             "tlc_s": warning.tlc_s,
             "lead_time_s": min(matches) - warning.start_s if matches else None,
             "outcome": outcome,
+            **warning.place._asdict(),
         }
 
     def _archived(self, kind: type, handle: int, side: int) -> list[Any]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from plugin.configuration import Configuration
 from plugin.conflicts import ConflictBook
-from plugin.events import event_columns
+from plugin.events import Place, event_columns
 from plugin.leaders import NOBODY, LaneOrder, Leaders, in_view, overlapped, path_leaders, warned_of
 from plugin.ranging import Echo
 from plugin.record import Recorder
@@ -80,15 +80,24 @@ class RearEndScorer:
         shown[echo.warning.row[echo.warning.row >= 0]] = True
         return Judged(by_place, warned, visible, shared, followed, tracks, tracks.of(shown))
 
-    def add(self, truth: EgoTruth, leader: Leaders, parts: Sequence[tuple[Echo, Judged]]) -> dict[str, Array]:
-        """Take one step of n vehicles, part by part; its columns of `steps`, with codes for LABELS."""
+    def add(
+        self, truth: EgoTruth, lane: Array, leader: Leaders, parts: Sequence[tuple[Echo, Judged]]
+    ) -> dict[str, Array]:
+        """Take one step of n vehicles, part by part; its columns of `steps`, with codes for LABELS.
+
+        lane : (n,) int, SUMO's.
+        """
+
+        def place(i: int) -> Place:
+            return Place(self._traffic.lane_ids[int(lane[i])], float(truth.x_m[i]), float(truth.y_m[i]))
+
         echoes, judged = zip(*parts, strict=True)
         time, warning = self._traffic.time_s, join(*(echo.warning for echo in echoes))
         by_place = join(*(one.by_place for one in judged))
         target = join(*(one.warned_of for one in judged))
         visible = np.concatenate([one.visible for one in judged])
         speed, level, ttc_s = truth.speed_mps, warning.level, warning.ttc_s
-        self._book.add(time, truth.handle, leader, by_place, target, visible, speed, level, ttc_s)
+        self._book.add(time, truth.handle, leader, by_place, target, visible, speed, level, ttc_s, place)
         self._tracks.keep(one.followed for one in judged)
         self._latest = time, [one.tracks for one in judged]
         self._pending += [(time, one.rows) for one in judged if one.rows is not None]

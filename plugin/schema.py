@@ -27,6 +27,15 @@ _RUN = _text("run_id", "the run: scenario and seed")
 _VEHICLE = _text("vehicle_id", "SUMO's id of the equipped vehicle")
 _TIME = Column("time_s", "SUMO time", decimals=2)
 
+
+def _place(when: str) -> tuple[Column, ...]:
+    return (
+        _text("lane_id", f"SUMO's lane of the vehicle {when}, as in `steps`"),
+        Column("true_x_m", "its centre of gravity then, in SUMO's network, x (east)", decimals=3),
+        Column("true_y_m", "and y (north)", decimals=3),
+    )
+
+
 TABLES: dict[str, tuple[Column, ...]] = {
     "steps": (
         _RUN,
@@ -159,6 +168,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
             "outcome",
             "true (the crossing or conflict followed), nuisance (one was approached and avoided), false",
         ),
+        *_place("at the start"),
     ),
     "tracks": (
         _RUN,
@@ -222,6 +232,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column(
             "lead_time_s", "from the warning's start to that moment; negative for a late warning", decimals=3
         ),
+        *_place("at the start"),
     ),
     "departures": (
         _RUN,
@@ -239,6 +250,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         ),
         Column("lead_time_s", "from that warning to the crossing; negative for a late warning", decimals=3),
         _flag("in_zone", "the warning began inside the placement zone (ISO 17361, from memory)"),
+        *_place("in the step after the crossing"),
     ),
     "runs": (
         _RUN,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from plugin.events import LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching, event_columns
+from plugin.events import LEFT, RIGHT, Departure, EventBook, LaneWarning, Matching, Place, event_columns
 from plugin.record import Recorder
 from plugin.schema import TABLES
 from sumo_net.arrays import Array
@@ -172,6 +172,7 @@ class Scorer:
             cause=cause,
             lateral_speed_mps=float(side * rows["drift_mps"][i]),
             speed_mps=float(rows["speed_mps"][i]),
+            place=self._place(rows, i),
         )
 
     def _warnings(self, rows: dict[str, Array], follows: Array, new: Array, until: float) -> None:
@@ -195,6 +196,7 @@ class Scorer:
                     tlc_s=float(rows["tlc_s"][i]),
                     margin_m=float(margin[i]),
                     drift_mps=float(drift),
+                    place=self._place(rows, i),
                 )
                 self._open[handle] = warning
                 self._book.warnings.append(warning)
@@ -204,6 +206,10 @@ class Scorer:
             if gone:  # the vehicle left during its warning
                 warning.end_s = last_seen.get(handle, warning.start_s)
                 del self._open[handle]
+
+    def _place(self, rows: dict[str, Array], i: int) -> Place:
+        lane = self._labels["lane_id"][int(rows["lane_id"][i])]
+        return Place(lane, float(rows["x_m"][i]), float(rows["y_m"][i]))
 
     def _write_steps(self, rows: dict[str, Array], new: Array, names: Names) -> None:
         self._recorder.append("steps", self._step_columns(rows, _by_time(rows, new), names))

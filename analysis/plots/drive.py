@@ -31,23 +31,6 @@ def with_gaps(steps: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     return pd.concat([rows, after]).sort_values("time_s", ignore_index=True)
 
 
-def at_event(steps: pd.DataFrame, events: pd.DataFrame, when: str) -> pd.DataFrame:
-    """`events` with their vehicle's x and y at the step nearest to `when`, if within 1 s."""
-    if events.empty or steps.empty:
-        return events.assign(true_x_m=np.nan, true_y_m=np.nan).iloc[:0]
-    at = steps[["time_s", "run_id", "vehicle_id", "true_x_m", "true_y_m"]].dropna()
-    merged = pd.merge_asof(
-        events.dropna(subset=[when]).sort_values(when),
-        at.sort_values("time_s"),
-        left_on=when,
-        right_on="time_s",
-        by=["run_id", "vehicle_id"],
-        direction="nearest",
-        tolerance=1.0,  # type: ignore[arg-type]  # s, the unit of the key
-    )
-    return merged.dropna(subset=["true_x_m"])
-
-
 @styled
 def road_map(
     steps: pd.DataFrame,
@@ -69,12 +52,12 @@ def road_map(
         axes.plot(path["true_x_m"], path["true_y_m"], color=SKY, linewidth=0.9, alpha=0.8)
     meant = unsignalled(departures)
     ldw, fcw = (warnings[warnings["kind"] == kind] for kind in ("ldw", "fcw"))
-    for events, when, colour, marker, label in (
-        (fcw, "start_s", ORANGE, "^", "rear-end warning"),
-        (ldw, "start_s", BLUE, "o", "lane-departure warning"),
-        (meant, "crossing_s", VERMILLION, "X", "departure"),
+    for events, colour, marker, label in (
+        (fcw, ORANGE, "^", "rear-end warning"),
+        (ldw, BLUE, "o", "lane-departure warning"),
+        (meant, VERMILLION, "X", "departure"),
     ):
-        place = at_event(known, events, when)
+        place = events.dropna(subset=["true_x_m", "true_y_m"])
         axes.scatter(
             place["true_x_m"],
             place["true_y_m"],

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.metrics import unsignalled
-from analysis.plots.drive import JUMP_M, STEP_GAP_S, at_event, episodes
+from analysis.plots.drive import JUMP_M, STEP_GAP_S, episodes
 from analysis.report.reading import RunTables, json_ready
 from sumo_net.arrays import Array
 
@@ -121,7 +121,7 @@ def _events(run: RunTables) -> list[dict[str, Any]]:
         ("ldw", warnings[warnings["kind"] == "ldw"], "start_s", ("side", "outcome")),
         ("departure", meant, "crossing_s", ("side", "cause")),
     ):
-        place = at_event(run["steps"], table, when)
+        place = table.dropna(subset=["true_x_m", "true_y_m"])
         found.append(
             {
                 "kind": kind,

@@ -29,7 +29,8 @@ def write_run(
         recorder.append("steps", _steps(number, name, time))
         recorder.append("predictions", _predictions(number, name, time))
         recorder.append("tracks", _tracks(number, name, time))
-        event = {"vehicle_id": [name], "start_s": [13.0], "end_s": [14.5], "lead_time_s": [1.0]}
+        place = {"lane_id": ["lane_0"], "true_x_m": [25.0 * 13.0], "true_y_m": [50.0 * number]}
+        event = {"vehicle_id": [name], "start_s": [13.0], "end_s": [14.5], "lead_time_s": [1.0], **place}
         recorder.append(
             "warnings", event | {"kind": ["ldw"], "level": ["warning"], "side": ["left"], "outcome": ["true"]}
         )
@@ -46,6 +47,7 @@ def write_run(
                 "warned": [True],
                 "lead_time_s": [1.0],
                 "in_zone": [True],
+                **place,
             },
         )
         recorder.append(
@@ -61,6 +63,7 @@ def write_run(
                 "visible_s": [3.0],
                 "warned": [True],
                 "lead_time_s": [1.5],
+                **place,
             },
         )
     recorder.append(

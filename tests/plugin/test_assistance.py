@@ -63,6 +63,15 @@ def test_every_step_of_every_vehicle_stands_once(short_run: Path) -> None:
     assert gaps.to_numpy() == pytest.approx(0.1, abs=1e-6)
 
 
+def test_a_warning_is_where_its_vehicle_was_at_its_start(short_run: Path) -> None:
+    place = ["lane_id", "true_x_m", "true_y_m"]
+    warnings = read_table(short_run, "warnings")
+    assert len(warnings) > 1
+    steps = read_table(short_run, "steps").set_index(["vehicle_id", "time_s"])[place]
+    there = steps.loc[list(zip(warnings["vehicle_id"], warnings["start_s"], strict=True))]
+    assert there.to_numpy().tolist() == warnings[place].to_numpy().tolist()
+
+
 def test_no_number_is_missing_without_the_flag_that_explains_it(short_run: Path) -> None:
     steps = read_table(short_run, "steps")
     assert steps[["speed_mps", "true_lateral_offset_m", "true_yaw_rate_rps"]].notna().all(axis=None)

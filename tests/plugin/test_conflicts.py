@@ -9,7 +9,7 @@ import pytest
 import sumo
 
 from plugin.conflicts import ConflictBook
-from plugin.events import event_columns
+from plugin.events import NOWHERE, Place, event_columns
 from plugin.leaders import LaneOrder, Leaders, in_view, nobody, overlapped, path_leaders, warned_of
 from plugin.record import Recorder
 from plugin.schema import TABLES
@@ -120,6 +120,7 @@ def play(
             np.array([25.0]),
             np.array([level]),
             truth.ttc_s,
+            lambda i, x_m=2.5 * k: Place("in_2", x_m, 7.0),
         )
         if k % 17 == 16:
             a, b = book.settle(t)
@@ -141,12 +142,14 @@ def test_conflict_by_hand() -> None:
     (row,) = conflicts
     assert (row["handle"], row["target"]) == (4, 9)
     assert row["start_s"] == pytest.approx(5.1)  # the first step under 3 s
+    assert (row["lane_id"], row["true_x_m"], row["true_y_m"]) == ("in_2", 127.5, 7.0)
     assert row["critical_s"] == pytest.approx(6.1)
     assert (row["end_s"], row["min_gap_m"], row["min_ttc_s"]) == pytest.approx((7.0, 5.0, 1.0))
     assert row["visible_s"] == pytest.approx(6.1)
     assert row["warned"]
     assert row["lead_time_s"] == pytest.approx(6.1 - 4.5)
     reminder, danger = sorted(warnings, key=lambda w: w["start_s"])
+    assert [one["true_x_m"] for one in (reminder, danger)] == [112.5, 155.0]  # where each began
     assert (reminder["level"], reminder["start_s"], reminder["end_s"]) == (
         "reminder",
         4.5,
@@ -192,7 +195,7 @@ def test_a_body_ahead_that_brakes_hard_makes_a_warning_a_nuisance(braking: float
     for k in range(10):
         ahead = leaders(9, 60.0, -2.0 + 0.1 * braking * min(k, 4))
         warned = np.array([int(k >= 3)])
-        ones = np.array([True]), np.array([25.0]), warned, np.array([np.inf])
+        ones = np.array([True]), np.array([25.0]), warned, np.array([np.inf]), lambda i: NOWHERE
         book.add(round(0.1 * k, 1), np.array([4]), ahead, nobody(1), ahead if k > 2 else nobody(1), *ones)
     _, (warning,) = book.settle(np.inf, True)
     assert warning["outcome"] == outcome

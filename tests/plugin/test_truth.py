@@ -33,6 +33,7 @@ def columns(step: int, offset: float, drift: float, **more: Any) -> dict[str, np
         "signal": 0,
         "warning_side": 0,
         "tlc_s": np.nan,
+        "lane_id": 0,
     } | more
     arrays = {name: np.array([value]) for name, value in row.items()}
     return arrays | dict.fromkeys(("predicted", "constant_velocity", "constant_radius", "true_state"), path)
@@ -40,7 +41,7 @@ def columns(step: int, offset: float, drift: float, **more: Any) -> dict[str, np
 
 def score(rows: list[dict[str, np.ndarray]], settle_every: int = 37) -> Recorder:
     recorder = Recorder("test")
-    scorer = Scorer(recorder, {7: "a/b"})
+    scorer = Scorer(recorder, {7: "a/b"}, {"lane_id": ["in_2"]})
     for i, row in enumerate(rows):
         scorer.add(row)
         if i % settle_every == settle_every - 1:
@@ -67,6 +68,9 @@ def test_crossing_time_and_true_tlc_do_not_depend_on_when_rows_are_settled(settl
     assert departures["side"].tolist() == ["left"]
     assert departures["lateral_speed_mps"].tolist() == pytest.approx([0.5])
     assert departures["warned"].tolist() == [False]
+    assert departures[["lane_id", "true_x_m", "true_y_m"]].values.tolist() == [
+        ["in_2", 307.5, 1.15]
+    ]  # 12.3 s
     steps = recorder.table("steps").set_index("time_s")
     assert len(steps) == 300
     assert steps["true_tlc_s"][11.0] == pytest.approx(1.25)
