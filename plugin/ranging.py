@@ -16,7 +16,7 @@ from plugin.tracking.detections import Detections, EgoMotion, sensor_motion
 from plugin.tracking.rear_view import NOBODY, RearView, Watched, watch
 from plugin.tracking.tracker import Tracker, TrackerSettings, TrackerState, TrackList
 from plugin.warning import collision
-from plugin.warning.collision import Collision, CollisionState, CollisionWarning, InPath
+from plugin.warning.collision import CollisionState, CollisionWarning, InPath
 from radar_synth.radar import OwnMotion, ScanTruth, Sightings
 from radar_synth.scan import flatten, scan
 from radar_synth.visibility import objects_in_view
@@ -74,7 +74,7 @@ class Ranging:
         self._closing = ClosingFilter(
             configuration.following, configuration.tracker.filters.noise, self._mount_m, self._projection
         )
-        self._collision = at_bumper(configuration.collision, configuration.vehicle.bumper_m)
+        self._collision = collision.on_vehicle(configuration.collision, configuration.vehicle)
         self._roadside = place(
             configuration.roadside, roads.graph, roads.shoulder_right_m, roads.shoulder_left_m
         )
@@ -187,8 +187,3 @@ def mounted(tracker: TrackerSettings, forward_m: float) -> TrackerSettings:
     return dataclasses.replace(
         tracker, filters=dataclasses.replace(tracker.filters, mount_forward_m=forward_m)
     )
-
-
-def at_bumper(options: Collision, bumper_m: float) -> Collision:
-    """The warning of a vehicle whose front bumper is `bumper_m` ahead of its centre of gravity."""
-    return dataclasses.replace(options, bumper_m=bumper_m)

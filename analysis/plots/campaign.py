@@ -246,14 +246,14 @@ def error_times(table: pd.DataFrame) -> Figure:
         nothing(axes, "no times were counted")
         return figure
     row = part.iloc[0]
-    for k, name in enumerate(names):
-        median, p95 = float(row[f"{name}_median_s"]), float(row[f"{name}_p95_s"])
-        if np.isfinite(median):
-            axes.plot([median, p95 if np.isfinite(p95) else median], [k, k], color=BLUE)
-            axes.plot(median, k, "o", color=BLUE, label="median" if k == 0 else None)
-            axes.plot(
-                p95, k, "|", color=VERMILLION, markersize=12, label="95th percentile" if k == 0 else None
-            )
+    median, p95 = (np.array([row[f"{name}_{end}_s"] for name in names], float) for end in ("median", "p95"))
+    shown = np.flatnonzero(np.isfinite(median))
+    if not len(shown):
+        nothing(axes, "no times were counted")
+        return figure
+    axes.hlines(shown, median[shown], np.where(np.isfinite(p95), p95, median)[shown], color=BLUE)
+    axes.plot(median[shown], shown, "o", color=BLUE, label="median")
+    axes.plot(p95[shown], shown, "|", color=VERMILLION, markersize=12, label="95th percentile")
     axes.set_yticks(range(len(names)), list(names.values()))
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel("error in s")

@@ -74,7 +74,9 @@ class FilterSettings:
         lt=1,
         description="diagonal of the transition matrix Π (inferred); the other models share the rest equally",
     )
-    mount_forward_m: float = Field(0.0, description="distance of the radar ahead of the centre of gravity")
+    mount_forward_m: float = Field(
+        0.0, description="distance of the radar ahead of the centre of gravity; in a run that of `radar`"
+    )
 
 
 def make(name: str, options: FilterSettings) -> Filter:

@@ -5,6 +5,7 @@ while the lane is lost, the circle that the vehicle steers. Two levels: a remind
 (brake).
 """
 
+import dataclasses
 import functools
 import math
 from typing import NamedTuple, Self
@@ -31,6 +32,7 @@ from plugin.warning.collision_kernels import (
 from plugin.warning.safe_distance import SafeDistance
 from sumo_net.arrays import Array
 from sumo_net.settings import kernel_view, settings
+from sumo_net.vehicle import Vehicle
 
 __all__ = [
     "ALARM",
@@ -176,8 +178,10 @@ class Collision:
         0.5, ge=0, description="subtracted from the leader's deceleration, for the noise of the track"
     )
     hardest_braking_mps2: float = Field(9.0, gt=0, description="greatest deceleration of a leader")
-    bumper_m: float = Field(
-        1.6, ge=0, description="distance of the front bumper ahead of the centre of gravity"
+    bumper_m: float | None = Field(
+        None,
+        ge=0,
+        description="distance of the front bumper ahead of the centre of gravity; none: that of `vehicle`",
     )
 
     @model_validator(mode="after")
@@ -270,9 +274,16 @@ class InPath(NamedTuple):
     offset_m: Array  # left of the path's middle; NaN for tracks that are not usable
 
 
+def on_vehicle(options: Collision, vehicle: Vehicle) -> Collision:
+    """The settings with the vehicle's front bumper, where they name none."""
+    bumper_m = vehicle.bumper_m if options.bumper_m is None else options.bumper_m
+    return dataclasses.replace(options, bumper_m=bumper_m)
+
+
 @functools.cache
 def numbers(options: Collision, step_s: float = 0.1) -> tuple[PathNumbers, CollisionNumbers]:
-    """The kernels' view of the settings."""
+    """The kernels' view of the settings; on the default vehicle where they name no bumper."""
+    options = on_vehicle(options, Vehicle())
     path = kernel_view(
         PathNumbers,
         options,
@@ -339,7 +350,7 @@ def time_by_tracks(tracks: TrackList, row: Array, speed_mps: Array, options: Col
     NaN where there is none, inf where the gap opens. speed_mps (n,).
     """
     e = tracks.estimate
-    out: Array = kernels.time_to(e.x_m, e.vx_mps, row, speed_mps, options.bumper_m)
+    out: Array = kernels.time_to(e.x_m, e.vx_mps, row, speed_mps, numbers(options)[0].bumper_m)
     return out
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from analysis import plots
 from analysis.metrics import prediction_errors
-from analysis.plots.campaign import cell_names
+from analysis.plots.campaign import cell_names, error_times
 from analysis.plots.drive import busiest, episodes, with_gaps
 from analysis.plots.style import save
 from analysis.published import correction, imm
@@ -18,6 +18,7 @@ from analysis.published.adaptive import TOLD
 from analysis.report.reading import ReportError, read_run
 from tests.analysis.report_tables import HOSTILE, write_campaign, write_recording, write_run
 
+ENDS = ("median", "p95")
 ON_PAGES = {name for name, one in plots.PLOTS.items() if one.source != "published"} - {"map", "timeline"}
 
 
@@ -120,6 +121,16 @@ def test_cells_are_named_by_the_grid() -> None:
         {"cell": ["all", 0, 1], "figure": "f", "a.light": [None, "clear", "night"], "low": [1, 2, 3]}
     )
     assert cell_names(table).tolist() == ["all", "a light clear", "a light night"]
+
+
+@pytest.mark.parametrize(("counted", "words"), [(0, ["no times were counted"]), (2, [])])
+def test_errors_of_times_that_were_not_counted_are_left_out(counted: int, words: list[str]) -> None:
+    """Fewer than three kinds of times, as of a campaign in which no border was crossed."""
+    names = ("ttc_error", "tlc_true_state_error", "tlc_error")
+    row = {f"{name}_{end}_s": 0.2 if k < counted else np.nan for k, name in enumerate(names) for end in ENDS}
+    axes = error_times(pd.DataFrame([row])).axes[0]
+    assert [text.get_text() for text in axes.texts] == words
+    assert axes.get_legend_handles_labels()[1] == (["median", "95th percentile"] if counted else [])
 
 
 def test_timeline_of_an_unknown_vehicle_is_an_error(made: dict[str, Path]) -> None:

@@ -22,10 +22,12 @@ from plugin.warning.collision import (
     SUPPRESSED,
     Collision,
     Targets,
+    on_vehicle,
     targets_from,
 )
 from plugin.warning.safe_distance import MODELS, SURFACES, SafeDistance
 from sumo_net.batch import select
+from sumo_net.vehicle import Vehicle
 from tests.plugin.cars_ahead import Driver, V, motion, targets
 
 
@@ -210,6 +212,18 @@ def test_nobody_ahead_and_no_vehicles() -> None:
     assert warning.code.tolist() == [READY] * 3
     _, warning, _ = play(none, motion(0), np.zeros(0), np.zeros(0), np.zeros(0))
     assert len(warning.level) == 0
+
+
+def test_the_gap_begins_at_the_vehicles_bumper_where_none_is_set() -> None:
+    lorry = Vehicle(front_axle_m=3.4, front_overhang_m=1.4)
+    gaps = {}
+    for bumper_m in (None, 2.0):
+        driver = Driver()
+        driver.options = on_vehicle(Collision(bumper_m=bumper_m), lorry)
+        gaps[bumper_m] = driver.warn({"gap": 40.0}).gap_m[
+            0
+        ]  # of the default vehicle, whose bumper is at 1.6 m
+    assert gaps == pytest.approx({None: 40.0 - 3.2, 2.0: 40.0 - 0.4})
 
 
 def test_settings_say_what_is_wrong() -> None:
