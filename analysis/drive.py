@@ -3,7 +3,7 @@
 import difflib
 import json
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,13 +105,14 @@ def check_vehicle(directory: Path, vehicle_id: str) -> None:
     if not names:
         raise DriveError(f"{directory}: no equipped vehicle drove")
     if vehicle_id not in names:
-        near = difflib.get_close_matches(vehicle_id, names, n=1)
-        hint = (
-            f"did you mean '{near[0]}'?"
-            if near
-            else f"equipped are {', '.join(names[:5])}" + (", …" if len(names) > 5 else "")
-        )
-        raise DriveError(f"{directory}: no equipped vehicle '{vehicle_id}': {hint}")
+        raise DriveError(f"{directory}: {unknown_vehicle(vehicle_id, names)}")
+
+
+def unknown_vehicle(vehicle_id: str, names: Sequence[str]) -> str:
+    """What is said of an id that is none of the `names`."""
+    near = difflib.get_close_matches(vehicle_id, names, n=1)
+    others = f"equipped are {', '.join(names[:5])}" + (", …" if len(names) > 5 else "")
+    return f"no equipped vehicle '{vehicle_id}': " + (f"did you mean '{near[0]}'?" if near else others)
 
 
 def times_of(directory: Path, vehicle_id: str) -> Array:

@@ -1,7 +1,7 @@
 """Scenarios: road, traffic and equipment; built in, or from the user's TOML or .sumocfg file."""
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -140,18 +140,9 @@ def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[s
             )
         return mapping, path
     if path.suffix != ".toml":
-        if path.is_file():
-            raise SettingsError(
-                f"{source}: a scenario is a .toml, .sumocfg, .net.xml, .osm or .xodr file by its name; for a "
-                f"SUMO configuration of another name, write a .toml file with configuration = '{path.name}'"
-            )
         files = scenario_files()
         if source not in files:
-            near = difflib.get_close_matches(source, files, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"built in are {', '.join(files)}"
-            raise SettingsError(
-                f"no scenario '{source}': {hint} (or name a .toml, .sumocfg, .net.xml, .osm or .xodr file)"
-            )
+            raise SettingsError(_no_scenario(path, list(files)))
         path = files[source]
     mapping = read_toml(path)
     if path.name.endswith(REGRESSION):
@@ -164,6 +155,19 @@ def scenario_mapping(source: str, within: tuple[Path, ...] = ()) -> tuple[dict[s
                 raise SettingsError(f"{path}: {key} = {mapping[key]!r}: is not a file name")
             mapping[key] = str((path.parent / mapping[key]).resolve())
     return mapping, path
+
+
+def _no_scenario(path: Path, names: Sequence[str]) -> str:
+    if path.is_dir():
+        return f"{path}: is a directory; {path / 'configuration.json'} repeats a run's"
+    if path.is_file():
+        return (
+            f"{path}: a scenario is a .toml, .sumocfg, .net.xml, .osm or .xodr file by its name; for a SUMO "
+            f"configuration of another name, write a .toml file with configuration = '{path.name}'"
+        )
+    near = difflib.get_close_matches(str(path), names, n=1)
+    hint = f"did you mean '{near[0]}'?" if near else f"built in are {', '.join(names)}"
+    return f"no scenario '{path}': {hint} (or name a .toml, .sumocfg, .net.xml, .osm or .xodr file)"
 
 
 def _based_on(mapping: dict[str, Any], path: Path, within: tuple[Path, ...]) -> tuple[dict[str, Any], Path]:

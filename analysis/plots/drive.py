@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from analysis.drive import unknown_vehicle
 from analysis.metrics import unsignalled
 from analysis.plots.style import BLACK, BLUE, GREY, ORANGE, PURPLE, SKY, VERMILLION, nothing, sheet, styled
 
@@ -88,7 +89,7 @@ def timeline(
     figure, (offset, tlc, ttc) = sheet(3, 1, 5.6, width_in=7.0, sharex=True, height_ratios=(3, 2, 2))
     if rows.empty:
         if len(steps):
-            raise ValueError(f"vehicle '{vehicle_id}': the table steps has no such vehicle_id")
+            raise ValueError(unknown_vehicle(vehicle_id, steps["vehicle_id"].astype(str).unique().tolist()))
         nothing(offset, "no equipped vehicle drove")
         return figure
     _offset(offset, rows)

@@ -136,7 +136,7 @@ def test_errors_of_times_that_were_not_counted_are_left_out(counted: int, words:
 def test_timeline_of_an_unknown_vehicle_is_an_error(made: dict[str, Path]) -> None:
     run = read_run(made["run"])
     assert busiest(run["steps"], run["departures"], run["warnings"]) == min("one", HOSTILE[2])
-    with pytest.raises(ValueError, match="no such vehicle_id"):
+    with pytest.raises(ValueError, match="no equipped vehicle"):
         plots.draw(made["run"], "timeline", "nobody")
 
 

@@ -272,8 +272,19 @@ def test_names_and_files_that_are_not_there(tmp_path: Path) -> None:
     assert "is compressed, as SUMO reads networks and routes, but no configuration" in refused(
         str(packed), tmp_path / "run"
     )
+    assert f"{tmp_path}: is a directory; {tmp_path / 'configuration.json'} repeats" in refused(
+        str(tmp_path), tmp_path / "run"
+    )
     other.write_text("<configuration/>")
     assert f"{other}: a scenario is a .toml, .sumocfg," in refused(str(other), tmp_path / "run")
+
+
+def test_a_built_in_scenario_is_meant_where_a_folder_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "curves").mkdir()
+    assert load_configuration("curves").title == dict(list_scenarios())["curves"]
 
 
 def test_networks_that_are_none(tmp_path: Path) -> None:
