@@ -13,6 +13,7 @@ import pytest
 import typer
 
 from analysis.cli import app
+from plugin.configuration import configuration_from
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -56,6 +57,13 @@ def test_code_can_be_read_and_finds_what_it_imports(page: Path) -> None:
                     assert found or importlib.import_module(f"{node.module}.{name.name}")
     for block in blocks(page, "toml"):
         tomllib.loads(block)
+
+
+@pytest.mark.parametrize(
+    "block", blocks(ROOT / "docs" / "runs.md", "toml"), ids=lambda block: block.split()[0]
+)
+def test_the_scenario_files_of_the_how_to_are_such(block: str) -> None:
+    configuration_from(tomllib.loads(block))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
