@@ -90,7 +90,7 @@ def prepare_configuration(
         begin = seconds(options.get("begin", "0"))
     except ValueError:
         raise SettingsError(f"{source}: begin = '{options['begin']}': is not a time") from None
-    overrides = {**overrides, "end": f"{begin + length_s:g}"}
+    overrides = {**overrides, "end": f"{begin + length_s:.10g}"}
     notes = [
         f"{source.name}: {name} {options[name]} is overridden by {value}"
         for name, value in overrides.items()

@@ -228,9 +228,8 @@ def _read_by(configuration: str) -> set[str]:
     """All values of a SUMO configuration that may name a file, without those that it writes."""
     sections = re.sub(r"(?s)<(output|report)>.*?</\1>", "", configuration)
     options = re.findall(r"""<([\w.-]+)\s(?:[^<>]*\s)?value\s*=\s*["']([^"'<>]+)["']""", sections)
-    return {name.strip() for option, value in options if not writes(option) for name in value.split(",")} - {
-        ""
-    }
+    read = [value for option, value in options if not writes(option)]
+    return {name.strip() for value in read for name in value.split(",") if name.strip()}
 
 
 def _check(

@@ -173,6 +173,14 @@ def test_a_ring_road_has_traffic_too(tmp_path: Path) -> None:
     assert len(drive(prepare(scenario, tmp_path / "run"), 100).handle) > 3
 
 
+def test_a_users_sumocfg_that_begins_days_later_ends_to_the_step(tmp_path: Path) -> None:
+    source = user_files(tmp_path / "mine")
+    source.write_text(source.read_text().replace('"0:00:05"', '"604800"'))
+    run = prepare(load_configuration(str(source), {"duration_s": 10.3}), tmp_path / "run")
+    assert run.begin_s == 604800.0
+    assert any("end 7 is overridden by 604810.3" in note for note in run.notes)
+
+
 def test_a_users_sumocfg_writes_only_into_the_runs_folder(tmp_path: Path) -> None:
     source = user_files(tmp_path / "mine")
     before = contents(tmp_path / "mine")
